@@ -115,11 +115,27 @@ class SceneMixer {
 /// geometry, materials, lights and environment settings. Cameras, names, notes and texture pixels
 /// are excluded; callers that need the pixels compare them separately, since every committed scene
 /// has a fingerprint.
-[[nodiscard]] Fingerprint scene_fingerprint(const SceneDescription& scene,
-                                            const Surroundings& surroundings);
+[[nodiscard]] inline Fingerprint scene_fingerprint(const SceneDescription& scene,
+                                                   const Surroundings& surroundings) {
+  SceneMixer mixer;
+  mixer.add(scene.materials, scene.meshes, scene.shapes, scene.spheres, scene.cones, scene.lights,
+            scene.background, scene.ambient, scene.colour_managed, scene.lit_by_studio);
+  mixer.add(surroundings.background, surroundings.sky, surroundings.environment_file,
+            surroundings.ground, surroundings.ground_shadow, surroundings.ground_colour,
+            surroundings.tone_map.has_value(),
+            static_cast<int>(surroundings.tone_map.value_or(ToneMap::None)));
+  return mixer.value();
+}
 
 /// Returns a fingerprint of a scene together with its stage: everything that determines a committed
 /// scene, except the pixels of textures and of the environment picture.
-[[nodiscard]] Fingerprint picture_fingerprint(const Fingerprint& scene, const Stage& stage);
+[[nodiscard]] inline Fingerprint picture_fingerprint(const Fingerprint& scene, const Stage& stage) {
+  SceneMixer mixer;
+  mixer.add(scene.first, scene.second);
+  mixer.add(stage.world_from_panel, stage.canvas_from_panel);
+  const Ground ground = stage.ground.value_or(Ground{});
+  mixer.add(stage.near_mm, stage.ground.has_value(), ground.y, ground.size);
+  return mixer.value();
+}
 
 }  // namespace lenticule::render

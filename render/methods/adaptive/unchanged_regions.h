@@ -20,28 +20,6 @@
 
 namespace lenticule::render {
 
-inline Fingerprint made_of(const Scene& scene, const MeshShape& mesh) {
-  SceneMixer mixer;
-  mixer.add_mesh(mesh);
-  for (const uint32_t number : mesh.wide)
-    if (number != MeshShape::kNotWide)
-      for (const Vec3& corner : scene.wide_triangles[number].corner) mixer.add(corner);
-  return mixer.value();
-}
-
-inline Fingerprint made_of(const Scene&, const SphereShape& sphere) {
-  SceneMixer mixer;
-  mixer.add_sphere(sphere);
-  return mixer.value();
-}
-
-inline Fingerprint made_of(const Scene&, const ConeShape& cone) {
-  SceneMixer mixer;
-  mixer.add(cone.base, cone.axis, cone.height, cone.base_radius, cone.slope, cone.inward,
-            cone.material);
-  return mixer.value();
-}
-
 /// Returns the bounds of a mesh. The last position is padding for Embree, not a vertex.
 inline Box box_of(const MeshShape& mesh) {
   Box box;
@@ -78,18 +56,29 @@ struct SceneObjects {
         textures(scene.textures),
         environment(scene.backdrop.environment) {
     objects.reserve(scene.meshes.size() + scene.spheres.size() + scene.cones.size());
-    const auto add_all = [&](const auto& shapes) {
+    const auto add_all = [&](const auto& shapes, const auto& mix) {
       for (const auto& shape : shapes) {
         const Material& material = scene.materials[static_cast<size_t>(shape.material)];
+        SceneMixer mixer;
+        mix(shape, mixer);
         objects.push_back(
-            {.made_of = render::made_of(scene, shape),
+            {.made_of = mixer.value(),
              .box = box_of(shape),
              .depends_on_view = material.specular > 0.0 || material.transmittance > 0.0});
       }
     };
-    add_all(scene.meshes);
-    add_all(scene.spheres);
-    add_all(scene.cones);
+    add_all(scene.meshes, [&](const MeshShape& mesh, SceneMixer& mixer) {
+      mixer.add_mesh(mesh);
+      for (const uint32_t number : mesh.wide)
+        if (number != MeshShape::kNotWide)
+          for (const Vec3& corner : scene.wide_triangles[number].corner) mixer.add(corner);
+    });
+    add_all(scene.spheres,
+            [](const SphereShape& sphere, SceneMixer& mixer) { mixer.add_sphere(sphere); });
+    add_all(scene.cones, [](const ConeShape& cone, SceneMixer& mixer) {
+      mixer.add(cone.base, cone.axis, cone.height, cone.base_radius, cone.slope, cone.inward,
+                cone.material);
+    });
   }
 
   bool known = false;
