@@ -213,26 +213,16 @@ struct AdaptiveFrame {
 
   /// Unchanged regions, which reuse the samples in `memory` from the previous frame.
   struct Kept {
-    const UnchangedRegions* parts = nullptr;  ///< null: no unchanged regions
-    const frames::WovenFrame* frame = nullptr;
-    const std::vector<Band>* bands = nullptr;
-    const Taken* taken = nullptr;
-
-    [[nodiscard]] bool at(int row, double x_mm) const {
-      return parts != nullptr && parts->at(row, x_mm);
-    }
-    /// Returns true if samples of the block that begins at a row of samples were taken.
-    [[nodiscard]] bool has_taken(std::vector<uint8_t> Taken::*samples, int row) const {
-      return taken != nullptr && (taken->*samples)[static_cast<size_t>(row / kSampleRows)] != 0;
-    }
+    const UnchangedRegions& parts;
+    const frames::WovenFrame& frame;
+    const std::vector<Band>& bands;
+    const Taken& taken;
   };
-  Kept kept;
+  std::optional<Kept> kept;
 
-  /// Sets the unchanged regions. Lifetime: the objects that `what` points to must outlive the
-  /// frame.
-  void keep(const Kept& what) {
-    kept = what;
-    samples.watch_changes();
+  /// Returns true if samples of the block that begins at a row of samples are kept.
+  [[nodiscard]] bool are_kept(std::vector<uint8_t> Taken::*of, int row) const {
+    return kept && (kept->taken.*of)[static_cast<size_t>(row / kSampleRows)] != 0;
   }
 };
 
@@ -294,7 +284,7 @@ class AdaptiveWorker {
   /// Lists the coarse samples of kSampleRows rows.
   void list_coarse_samples(SampleList& list) const {
     constexpr int kStep = KeySamples::kCoarse;
-    const bool were_taken = frame_.kept.has_taken(&AdaptiveFrame::Taken::coarse, list.first_row);
+    const bool were_taken = frame_.are_kept(&AdaptiveFrame::Taken::coarse, list.first_row);
     for (int column = 0; column < frame_.grid.columns(); column += kBlock * kStep)
       for (int n = 0; n < kBlock * kBlock; ++n)
         list_if_changed(list, {list.first_row + n / kBlock * kStep, column + n % kBlock * kStep},
@@ -307,7 +297,7 @@ class AdaptiveWorker {
   void list_other_samples(SampleList& list) const {
     constexpr int kStep = KeySamples::kCoarse;
     const bool may_fill = !frame_.plan.options.soft.any();
-    const bool were_taken = frame_.kept.has_taken(&AdaptiveFrame::Taken::others, list.first_row);
+    const bool were_taken = frame_.are_kept(&AdaptiveFrame::Taken::others, list.first_row);
     const int cache_view = list.cache_view;
     const int end = std::min(list.first_row + kSampleRows, frame_.grid.rows());
     for (int row = list.first_row; row < end; row += kStep)
@@ -329,12 +319,15 @@ class AdaptiveWorker {
                     places.subspan(first, std::min(kPacket, places.size() - first)));
   }
 
-  /// Begins a band, and selects what the audit samples.
+  /// Begins a band, and selects what the audit samples: nothing of a band that is copied with its
+  /// results.
   void begin_band(BandWork& band) const {
     band.is_unchanged = is_whole_band_unchanged(band.first_row);
     band.counts = {};
     band.audit_rays = 0;
     band.uncertain.clear(frame_.plan.tiles);
+    band.sampled.clear();
+    if (band.is_unchanged) return;
     band.sampled = sampled_of(band.first_row);
     sampled_tracer_.sort(band.sampled);
   }
@@ -393,8 +386,14 @@ class AdaptiveWorker {
   }
 
   /// Ends a band whose subpixels are shaded, unless it is given up. A band that the audit rejects
-  /// is marked for retracing. In a copied band, all audited subpixels are exact already.
+  /// is marked for retracing.
   void end_band(BandWork& band) {
+    const auto number = static_cast<size_t>(band.first_row / kBand);
+    AdaptiveFrame::Band& result = frame_.bands[number];
+    if (band.is_unchanged) {
+      result = frame_.kept->bands[number];
+      return;
+    }
     AuditErrors retracing, evaluation;
     for (const SampledSubpixel& s : band.sampled) {
       uint8_t& code = frame_.out.row(band.first_row + s.row)[s.at];
@@ -402,26 +401,20 @@ class AdaptiveWorker {
       (s.draw == Draw::Retracing ? retracing : evaluation).add(code, exact);
       code = exact;
     }
-    const auto number = static_cast<size_t>(band.first_row / kBand);
-    AdaptiveFrame::Band& result = frame_.bands[number];
-    if (band.is_unchanged && (*frame_.kept.bands)[number].tried) {
-      result = (*frame_.kept.bands)[number];
-    } else {
-      result = {.retracing = retracing,
-                .evaluation = evaluation,
-                .tried = true,
-                .counts = counts_of(band)};
-      if (band.is_given_up) result.counts.shaded = 0;
-    }
+    result = {
+        .retracing = retracing, .evaluation = evaluation, .tried = true, .counts = counts_of(band)};
+    if (band.is_given_up) result.counts.shaded = 0;
     result.retraced = band.is_given_up || is_rejected(result.retracing);
     if (result.retraced && !band.is_given_up && frame_.plan.options.soft.any())
       result.retraced = is_rejected(result.retracing, count_noise(band));
   }
 
-  /// Counts the audited subpixels of a band that was not tried: it is left to method full, and so
+  /// Counts the audited subpixels of a band unless it was tried: it is left to method full, and so
   /// has no errors.
-  void audit_untried_band(int number) const {
-    frame_.bands[static_cast<size_t>(number)].evaluation.add_exact(static_cast<uint64_t>(
+  void audit_if_untried(int number) const {
+    AdaptiveFrame::Band& band = frame_.bands[static_cast<size_t>(number)];
+    if (band.tried) return;
+    band.evaluation.add_exact(static_cast<uint64_t>(
         std::ranges::count(sampled_of(number * kBand), Draw::Evaluation, &SampledSubpixel::draw)));
   }
 
@@ -451,8 +444,8 @@ class AdaptiveWorker {
   void list_if_changed(SampleList& list, SamplePlace place, bool was_taken) const {
     if (place.row >= frame_.grid.rows() || place.column >= frame_.grid.columns()) return;
     const int view = list.cache_view;
-    if (!was_taken || !frame_.kept.at(frame_.grid.panel_row(place.row, view),
-                                      frame_.grid.ray(place.row, view, place.column).x_mm))
+    if (!was_taken || !frame_.kept->parts.at(frame_.grid.panel_row(place.row, view),
+                                             frame_.grid.ray(place.row, view, place.column).x_mm))
       list.places.push_back(place);
   }
 
@@ -495,7 +488,7 @@ class AdaptiveWorker {
 
   void copy_row(int row) {
     const size_t count = frame_.plan.planes.row_subpixels();
-    std::copy_n(frame_.kept.frame->row(row), count, frame_.out.row(row));
+    std::copy_n(frame_.kept->frame.row(row), count, frame_.out.row(row));
     counts_.copied_subpixels += count;
   }
 
@@ -504,9 +497,9 @@ class AdaptiveWorker {
   /// would give other bytes.
   [[nodiscard]] bool is_whole_band_unchanged(int first_row) const {
     const int band = first_row / kBand;
-    const AdaptiveFrame::Kept& kept = frame_.kept;
-    if (kept.parts == nullptr || !kept.parts->whole_band(band)) return false;
-    if ((*kept.bands)[static_cast<size_t>(band)].retraced) return false;
+    if (!frame_.kept || !frame_.kept->parts.whole_band(band) ||
+        frame_.kept->bands[static_cast<size_t>(band)].retraced)
+      return false;
     const KeyGrid::Between first = frame_.grid.between(first_row);
     const KeyGrid::Between last =
         frame_.grid.between(std::min(first_row + kBand, frame_.plan.planes.rows()) - 1);
@@ -517,8 +510,9 @@ class AdaptiveWorker {
   /// Returns true if a single subpixel can be copied. Subpixels selected by the audit cannot, since
   /// the previous frame holds their exact code instead of the interpolated one.
   [[nodiscard]] bool is_unchanged(int row, size_t at, const KeyGrid::Between& between) const {
-    if (!frame_.kept.at(row, double{x_mm_[at]})) return false;
-    if ((*frame_.kept.bands)[static_cast<size_t>(row / kBand)].retraced) return false;
+    if (!frame_.kept || !frame_.kept->parts.at(row, double{x_mm_[at]}) ||
+        frame_.kept->bands[static_cast<size_t>(row / kBand)].retraced)
+      return false;
     const auto n = static_cast<uint32_t>(at);
     const AuditSelection& selection = frame_.plan.selection;
     const SampledPair sampled = selection.pair(static_cast<uint32_t>(row), n / selection.one_in());
@@ -618,7 +612,6 @@ class AdaptiveWorker {
   void sort_row(BandWork& band, int in_band, const KeyGrid::Between& between) {
     static_assert(lookup_kernel::kFound == 0 && lookup_kernel::kNothing == 1);
     constexpr uint64_t kAllNothing = 0x0101010101010101;
-    const bool may_keep = frame_.kept.parts != nullptr;
     const size_t count = frame_.plan.planes.row_subpixels();
     const int row = band.first_row + in_band;
     UncertainBand::Row& uncertain = band.uncertain.row(static_cast<size_t>(in_band));
@@ -642,8 +635,8 @@ class AdaptiveWorker {
           ++nothing;
         }
         if (found_row_.states[at] != lookup_kernel::kUnknown) continue;
-        if (may_keep && is_unchanged(row, at, between)) {
-          found_row_.codes[at] = frame_.kept.frame->row(row)[at];
+        if (is_unchanged(row, at, between)) {
+          found_row_.codes[at] = frame_.kept->frame.row(row)[at];
           ++copied;
           continue;
         }
@@ -935,14 +928,18 @@ class AdaptiveMethod final : public Method {
       now = {SceneObjects(scene), grid, frame.groups, {}, {}};
       if (before.grid && before.grid->is_same(grid) && *before.groups == frame.groups)
         kept.emplace(planes_, grid.eyes(), scene, options_.soft, before.objects, now.objects);
-      if (kept && kept->any()) frame.keep({&*kept, &last_.frame(), &before.bands, &before.taken});
+      if (kept && kept->any()) {
+        frame.kept.emplace(AdaptiveFrame::Kept{*kept, last_.frame(), before.bands, before.taken});
+        samples_.watch_changes();
+      }
     }
     Workers workers([&] { return AdaptiveWorker(frame); });
     bool pays = true;
     arena_.execute([&] {
       pays = try_bands(frame, workers);
       if (!pays) return;
-      audit_untried_bands(frame, workers);
+      in_parallel(static_cast<int>(frame.bands.size()),
+                  [&](int n) { workers.local().audit_if_untried(n); });
       limit_mean_square(frame);
       retrace_bands(frame, workers);
     });
@@ -1126,13 +1123,6 @@ class AdaptiveMethod final : public Method {
     const double tried = std::sqrt(errors.tried / errors.bands);
     const double deviation = std::sqrt(std::max(errors.variance, 0.0));
     return errors.mean_squares + 2.0 * (tried - (1.0 - tried)) * deviation > most;
-  }
-
-  /// Lets the bands that were not tried count in the evaluation of the frame.
-  void audit_untried_bands(AdaptiveFrame& frame, Workers& workers) {
-    in_parallel(static_cast<int>(frame.bands.size()), [&](int n) {
-      if (!frame.bands[static_cast<size_t>(n)].tried) workers.local().audit_untried_band(n);
-    });
   }
 
   /// Leaves those bands to method full whose errors are largest, as many as are necessary for the
