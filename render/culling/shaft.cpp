@@ -108,8 +108,6 @@ PrimitiveTree::PrimitiveTree(const Scene& scene) {
   scene.device.check("building the tree of primitives");
 }
 
-PrimitiveTree::~PrimitiveTree() = default;
-
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
@@ -226,6 +224,19 @@ Patch patch_of(const Scene& scene, const SurfaceCell& cell) {
   return patch;
 }
 
+namespace {
+
+struct Shaft {
+  Patch from{};
+  bool to_point = false;
+  Vec3f point{};      ///< end of all rays, or the centre of the ball in which the rays end
+  float ball = 0.0F;  ///< radius of the ball
+  Vec3f axis{};       ///< unit; centre of the cone of directions
+  float sine = 0.0F;  ///< sine of half the cone's opening, which is below a right angle
+  float cosine = 1.0F;
+  float within = 0.0F;  ///< if not zero, the shaft holds rays of this length in any direction
+};
+
 Shaft shaft_to_point(const Patch& from, Vec3 point) {
   Shaft shaft{.from = from, .to_point = true, .point = Vec3f(point)};
   const Vec3f way = shaft.point - from.centre;
@@ -254,8 +265,6 @@ Shaft shaft_around(const Patch& from, double length) {
   shaft.from.radius += shaft.within;
   return shaft;
 }
-
-namespace {
 
 /// Hull is the convex hull of a shaft, for tests against separating planes.
 class Hull {
@@ -501,30 +510,25 @@ bool misses_primitive(const Scene& scene, const Hull& hull, const Patch& from,
                               mesh.positions[corners[2]]);
 }
 
-}  // namespace
-
-ShaftTester::ShaftTester(const Scene& scene, const PrimitiveTree& tree)
-    : scene_(scene), tree_(tree) {}
-
-bool ShaftTester::empty(const Shaft& shaft) const {
+/// Returns true if no ray of the shaft meets anything; false if a ray may.
+bool is_empty(const Scene& scene, const PrimitiveTree& tree, const Shaft& shaft) {
   const Hull hull(shaft);
-  const bool met = tree_.search(
+  return !tree.search(
       true, [&](Vec3f low, Vec3f high) { return !hull.misses_box(low, high); },
       [&](const PrimitiveTree::Leaf& leaf) {
-        return !misses_primitive(scene_, hull, shaft.from, leaf);
+        return !misses_primitive(scene, hull, shaft.from, leaf);
       });
-  return !met;
 }
 
-bool ShaftTester::blocked(const Shaft& shaft) const {
+/// Returns true if every ray of the shaft meets something before its end; false if a ray may not.
+/// Always false for shafts without an end, and if only several primitives together block the rays.
+bool is_blocked(const Scene& scene, const PrimitiveTree& tree, const Shaft& shaft) {
   if (!shaft.to_point) return false;
   const Obstacles obstacles(shaft);
-  return tree_.search(
+  return tree.search(
       false, [&](Vec3f low, Vec3f high) { return obstacles.reaches_box(low, high); },
-      [&](const PrimitiveTree::Leaf& leaf) { return blocks(scene_, obstacles, leaf); });
+      [&](const PrimitiveTree::Leaf& leaf) { return blocks(scene, obstacles, leaf); });
 }
-
-namespace {
 
 constexpr unsigned kAnswersLog2 = 20;
 
@@ -542,8 +546,7 @@ size_t primitives_of(const Scene& scene, const GeometryEntry& entry) {
 
 }  // namespace
 
-ShaftCache::ShaftCache(const Scene& scene, const PrimitiveTree& tree)
-    : scene_(scene), tester_(std::make_shared<const ShaftTester>(scene, tree)) {
+ShaftCache::ShaftCache(const Scene& scene, const PrimitiveTree& tree) : scene_(scene), tree_(tree) {
   uint64_t first = 0;
   for (const GeometryEntry& entry : scene.geometries) {
     first_primitive_.push_back(first);
@@ -553,12 +556,10 @@ ShaftCache::ShaftCache(const Scene& scene, const PrimitiveTree& tree)
 
 ShaftCache::ShaftCache(const ShaftCache& points, SoftSizes sizes)
     : scene_(points.scene_),
-      tester_(points.tester_),
+      tree_(points.tree_),
       sizes_(sizes),
       sun_cosine_(static_cast<float>(1.0 / std::hypot(1.0, sizes.sun_tangent))),
       first_primitive_(points.first_primitive_) {}
-
-ShaftCache::~ShaftCache() = default;
 
 ShaftCache& ShaftCache::with_sizes(SoftSizes sizes) {
   if (sizes == sizes_) return *this;
@@ -584,8 +585,8 @@ ShaftResult ShaftCache::result(const SurfaceCell& cell, uint64_t number, uint64_
 
 ShaftResult ShaftCache::find_out(const SurfaceCell& cell, uint64_t target) const {
   const auto answer = [&](const Shaft& shaft) {
-    if (tester_->empty(shaft)) return ShaftResult::Empty;
-    return tester_->blocked(shaft) ? ShaftResult::Blocked : ShaftResult::None;
+    if (is_empty(scene_, tree_, shaft)) return ShaftResult::Empty;
+    return is_blocked(scene_, tree_, shaft) ? ShaftResult::Blocked : ShaftResult::None;
   };
   const Patch from = patch_of(scene_, cell);
   if (target < kBins) {

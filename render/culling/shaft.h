@@ -45,9 +45,6 @@ class PrimitiveTree {
 
   /// Builds the tree. Throws Error(Failed) with Embree's message.
   explicit PrimitiveTree(const Scene& scene);
-  ~PrimitiveTree();
-  PrimitiveTree(const PrimitiveTree&) = delete;
-  PrimitiveTree& operator=(const PrimitiveTree&) = delete;
 
   /// Visits the primitives whose box and all boxes around it satisfy `wanted(low, high)`, until
   /// `found(leaf)` is true for one. Returns true if one is found, false if none is, and `unsure` if
@@ -147,40 +144,6 @@ struct Patch {
 /// Returns the part of the surface that `cell` covers.
 [[nodiscard]] Patch patch_of(const Scene& scene, const SurfaceCell& cell);
 
-struct Shaft {
-  Patch from{};
-  bool to_point = false;
-  Vec3f point{};      ///< end of all rays, or the centre of the ball in which the rays end
-  float ball = 0.0F;  ///< radius of the ball
-  Vec3f axis{};       ///< unit; centre of the cone of directions
-  float sine = 0.0F;  ///< sine of half the cone's opening, which is below a right angle
-  float cosine = 1.0F;
-  float within = 0.0F;  ///< if not zero, the shaft holds rays of this length in any direction
-};
-[[nodiscard]] Shaft shaft_to_point(const Patch& from, Vec3 point);
-[[nodiscard]] Shaft shaft_to_ball(const Patch& from, Vec3 middle, double radius);
-[[nodiscard]] Shaft shaft_in_cone(const Patch& from, Vec3f axis, float cosine);
-[[nodiscard]] Shaft shaft_around(const Patch& from, double length);
-
-/// ShaftTester tests shafts against a scene. Thread safety: immutable after construction, usable
-/// from any thread.
-class ShaftTester {
- public:
-  /// Lifetime: `scene` and its tree `tree` must outlive the object.
-  ShaftTester(const Scene& scene, const PrimitiveTree& tree);
-
-  /// Returns true if no ray of the shaft meets anything; false if a ray may.
-  [[nodiscard]] bool empty(const Shaft& shaft) const;
-  /// Returns true if every ray of the shaft meets something before its end; false if a ray may not.
-  /// Always false for shafts without an end, and if only several primitives together block the
-  /// rays.
-  [[nodiscard]] bool blocked(const Shaft& shaft) const;
-
- private:
-  const Scene& scene_;
-  const PrimitiveTree& tree_;
-};
-
 /// Result of the conservative tests of a shaft. The values are stored in two bits of the cache.
 enum class ShaftResult : uint8_t {
   None = 1,     ///< unknown: rays must be traced
@@ -203,7 +166,6 @@ class ShaftCache {
  public:
   /// Lifetime: `scene` and its tree `tree` must outlive the object.
   ShaftCache(const Scene& scene, const PrimitiveTree& tree);
-  ~ShaftCache();
   ShaftCache(const ShaftCache&) = delete;
   ShaftCache& operator=(const ShaftCache&) = delete;
 
@@ -243,7 +205,7 @@ class ShaftCache {
   [[nodiscard]] ShaftResult find_out(const SurfaceCell& cell, uint64_t target) const;
 
   const Scene& scene_;
-  std::shared_ptr<const ShaftTester> tester_;
+  const PrimitiveTree& tree_;
   SoftSizes sizes_;
   float sun_cosine_ = 1.0F;
   std::vector<uint64_t> first_primitive_;  ///< per geometry, counted over all geometries
