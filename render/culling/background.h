@@ -112,11 +112,8 @@ class BeamTester {
   [[nodiscard]] bool misses_primitive(const Beam& beam, const PrimitiveTree::Leaf& leaf) const {
     const GeometryEntry& entry = scene_.geometries[leaf.geometry];
     if (entry.kind != GeometryEntry::Kind::Mesh) return false;
-    const MeshShape& mesh = scene_.meshes[entry.mesh];
-    const std::array<uint32_t, 3>& corners = mesh.triangles[leaf.primitive];
-    const std::array<Vec3, 3> corners_mm = {on_panel(mesh.positions[corners[0]]),
-                                            on_panel(mesh.positions[corners[1]]),
-                                            on_panel(mesh.positions[corners[2]])};
+    const auto [a, b, c] = scene_.meshes[entry.mesh].corners(leaf.primitive);
+    const std::array<Vec3, 3> corners_mm = {on_panel(a), on_panel(b), on_panel(c)};
     const double size = std::max(
         {largest_size(corners_mm[0]), largest_size(corners_mm[1]), largest_size(corners_mm[2])});
     return misses_triangle(beam, corners_mm, margin_ * sum_of_sizes(beam, size));

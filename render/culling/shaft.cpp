@@ -51,9 +51,7 @@ std::vector<RTCBuildPrimitive> boxes_of(const Scene& scene) {
         add_with_room(g, i, box_of(*wide));
         continue;
       }
-      const Vec3f a = mesh.positions[mesh.triangles[i][0]];
-      const Vec3f b = mesh.positions[mesh.triangles[i][1]];
-      const Vec3f c = mesh.positions[mesh.triangles[i][2]];
+      const auto [a, b, c] = mesh.corners(i);
       add(g, i, min(min(a, b), c), max(max(a, b), c));
     }
   }
@@ -134,11 +132,9 @@ struct Sized {
 };
 
 Sized triangle_patch(const Scene& scene, const MeshShape& mesh, const SurfaceCell& cell) {
-  const std::array<uint32_t, 3>& corners = mesh.triangles[cell.primitive];
   const WideTriangle* wide = scene.wide_triangle(mesh, cell.primitive);
-  const Vec3f a = mesh.positions[corners[0]];
-  const Vec3f edge1 = mesh.positions[corners[1]] - a;
-  const Vec3f edge2 = mesh.positions[corners[2]] - a;
+  const std::array<Vec3f, 3> corners = mesh.corners(cell.primitive);
+  const Vec3f a = corners[0], edge1 = corners[1] - a, edge2 = corners[2] - a;
   const float part = 1.0F / static_cast<float>(cell.divisions);
   const auto at = [&](float du, float dv) {
     return a + edge1 * ((static_cast<float>(cell.u) + du) * part) +
@@ -486,10 +482,8 @@ bool blocks(const Scene& scene, const Obstacles& obstacles, const PrimitiveTree:
     const SphereShape& sphere = scene.spheres[leaf.primitive];
     return obstacles.behind_sphere(Vec3f(sphere.centre), static_cast<float>(sphere.radius));
   }
-  const MeshShape& mesh = scene.meshes[entry.mesh];
-  const std::array<uint32_t, 3>& corners = mesh.triangles[leaf.primitive];
-  return obstacles.behind_triangle(mesh.positions[corners[0]], mesh.positions[corners[1]],
-                                   mesh.positions[corners[2]]);
+  const auto [a, b, c] = scene.meshes[entry.mesh].corners(leaf.primitive);
+  return obstacles.behind_triangle(a, b, c);
 }
 
 bool misses_primitive(const Scene& scene, const Hull& hull, const Patch& from,
@@ -505,9 +499,8 @@ bool misses_primitive(const Scene& scene, const Hull& hull, const Patch& from,
   const MeshShape& mesh = scene.meshes[entry.mesh];
   if (const WideTriangle* wide = scene.wide_triangle(mesh, leaf.primitive))
     return hull.misses_wide_triangle(*wide);
-  const std::array<uint32_t, 3>& corners = mesh.triangles[leaf.primitive];
-  return hull.misses_triangle(mesh.positions[corners[0]], mesh.positions[corners[1]],
-                              mesh.positions[corners[2]]);
+  const auto [a, b, c] = mesh.corners(leaf.primitive);
+  return hull.misses_triangle(a, b, c);
 }
 
 /// Returns true if no ray of the shaft meets anything; false if a ray may.

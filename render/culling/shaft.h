@@ -50,7 +50,25 @@ class PrimitiveTree {
   /// `found(leaf)` is true for one. Returns true if one is found, false if none is, and `unsure` if
   /// the stack of pending boxes overflows.
   template <class Wanted, class Found>
-  [[nodiscard]] bool search(bool unsure, const Wanted& wanted, const Found& found) const;
+  [[nodiscard]] bool search(bool unsure, const Wanted& wanted, const Found& found) const {
+    if (!root_) return false;
+    std::array<const Node*, 2 * size_t{kMostDepth}> waiting;
+    size_t count = 0;
+    waiting[count++] = root_;
+    while (count > 0) {
+      const Node& node = *waiting[--count];
+      if (!node.child[0]) {
+        if (found(node.leaf)) return true;
+        continue;
+      }
+      for (size_t i = 0; i < 2; ++i) {
+        if (!wanted(node.low[i], node.high[i])) continue;
+        if (count == waiting.size()) return unsure;
+        waiting[count++] = node.child[i];
+      }
+    }
+    return false;
+  }
 
  private:
   static constexpr unsigned kMostDepth = 64;
@@ -68,27 +86,6 @@ class PrimitiveTree {
   std::unique_ptr<std::remove_pointer_t<RTCBVH>, Release> bvh_;
   const Node* root_ = nullptr;
 };
-
-template <class Wanted, class Found>
-bool PrimitiveTree::search(bool unsure, const Wanted& wanted, const Found& found) const {
-  if (!root_) return false;
-  std::array<const Node*, 2 * size_t{kMostDepth}> waiting;
-  size_t count = 0;
-  waiting[count++] = root_;
-  while (count > 0) {
-    const Node& node = *waiting[--count];
-    if (!node.child[0]) {
-      if (found(node.leaf)) return true;
-      continue;
-    }
-    for (size_t i = 0; i < 2; ++i) {
-      if (!wanted(node.low[i], node.high[i])) continue;
-      if (count == waiting.size()) return unsure;
-      waiting[count++] = node.child[i];
-    }
-  }
-  return false;
-}
 
 // Directions are mapped to an octahedron that is unfolded to the square [-1, 1] x [-1, 1]: the
 // upper half is the diamond in the middle of the square, the lower half its corners.

@@ -185,10 +185,6 @@ void turn_tangent(Tangent& tangent, const Affine& map, bool mirrors) {
   if (mirrors) tangent[3] = -tangent[3];
 }
 
-bool is_unit(Vec3 v) {
-  return std::abs(dot(v, v) - 1.0) < 1e-6;
-}
-
 void require_finite(const TriangleMesh& mesh) {
   for (const Vec3& p : mesh.positions)
     if (!is_finite(p))
@@ -258,22 +254,18 @@ void bake(TriangleMesh& mesh, const SceneDescription& scene, const std::vector<A
   clean(mesh);  // a deformed triangle may have no area
 }
 
-void transform(Light& light, const Affine& world) {
+// Transform a light or a camera; return false if the result is not finite.
+
+bool transform(Light& light, const Affine& world) {
   light.position = world.point(light.position);
   light.direction = normalized(world.vector(light.direction));
-}
-
-void transform(Camera& camera, const Affine& world) {
-  camera.from = world.point(camera.from);
-  camera.at = world.point(camera.at);
-  camera.up = normalized(world.vector(camera.up));
-}
-
-bool is_placed(const Light& light) {
   return is_finite(light.position) && is_finite(light.direction);
 }
 
-bool is_placed(const Camera& camera) {
+bool transform(Camera& camera, const Affine& world) {
+  camera.from = world.point(camera.from);
+  camera.at = world.point(camera.at);
+  camera.up = normalized(world.vector(camera.up));
   return is_finite(camera.from) && is_finite(camera.at) && is_finite(camera.up);
 }
 
@@ -281,9 +273,8 @@ bool is_placed(const Camera& camera) {
 template <class Object>
 void bake(Object& object, const SceneDescription& scene, const std::vector<Affine>& world, double) {
   const auto node = static_cast<size_t>(object.node);
-  transform(object, world[node]);
   object.node = -1;
-  if (!is_placed(object))
+  if (!transform(object, world[node]))
     throw Error(ErrorKind::Input, scene.source + ": node '" + scene.nodes[node].name +
                                       "': its transform is not finite");
 }

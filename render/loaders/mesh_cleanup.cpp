@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <tuple>
@@ -42,29 +43,21 @@ enum class Strictness { NothingInside, NothingStrictlyInside, Anything };
 class EarClipper {
  public:
   explicit EarClipper(std::vector<Vec2> points) : points_(std::move(points)) {
-    const size_t n = points_.size();
-    previous_.resize(n);
-    next_.resize(n);
+    const auto n = static_cast<uint32_t>(points_.size());
     queued_.assign(n, true);
     removed_.assign(n, false);
-    for (size_t i = 0; i < n; ++i) {
-      next_[i] = static_cast<uint32_t>(i + 1 == n ? 0 : i + 1);
-      previous_[i] = static_cast<uint32_t>(i == 0 ? n - 1 : i - 1);
+    for (uint32_t i = 0; i < n; ++i) {
+      previous_.push_back(i == 0 ? n - 1 : i - 1);
+      next_.push_back(i + 1 == n ? 0 : i + 1);
+      candidates_.push_back(i);
     }
-    for (size_t i = 0; i < n; ++i) {
-      candidates_.push_back(static_cast<uint32_t>(i));
-      if (concave(static_cast<uint32_t>(i))) concave_.push_back(static_cast<uint32_t>(i));
-    }
+    std::ranges::copy_if(candidates_, std::back_inserter(concave_),
+                         [this](uint32_t i) { return concave(i); });
   }
 
   Triangulation run() {
-    size_t left = points_.size();
-    while (left > 3) {
-      const uint32_t ear = next_ear();
-      clip(ear);
-      --left;
-    }
-    const uint32_t last = first_left();
+    for (size_t left = points_.size(); left > 3; --left) clip(next_ear());
+    const uint32_t last = first_left_;
     if (turn_at(last) != 0.0) result_.triangles.push_back({previous_[last], last, next_[last]});
     return std::move(result_);
   }
@@ -84,7 +77,7 @@ class EarClipper {
         queued_[i] = false;
         if (!removed_[i] && is_ear(i)) return i;
       }
-      if (strictness_ == Strictness::Anything) return first_left();
+      if (strictness_ == Strictness::Anything) return first_left_;
       relax();
     }
   }
@@ -93,12 +86,11 @@ class EarClipper {
     const bool first = strictness_ == Strictness::NothingInside;
     strictness_ = first ? Strictness::NothingStrictlyInside : Strictness::Anything;
     if (!first) result_.simple = false;
-    const uint32_t start = first_left();
-    uint32_t i = start;
+    uint32_t i = first_left_;
     do {
       push(i);
       i = next_[i];
-    } while (i != start);
+    } while (i != first_left_);
   }
 
   bool is_ear(uint32_t i) {
@@ -129,13 +121,9 @@ class EarClipper {
   }
 
   [[nodiscard]] bool blocks(Vec2 p, uint32_t a, uint32_t b, uint32_t c) const {
-    const Vec2 pa = points_[a];
-    const Vec2 pb = points_[b];
-    const Vec2 pc = points_[c];
+    const Vec2 pa = points_[a], pb = points_[b], pc = points_[c];
     if (p == pa || p == pb || p == pc) return false;
-    const double ab = turn(pa, pb, p);
-    const double bc = turn(pb, pc, p);
-    const double ca = turn(pc, pa, p);
+    const double ab = turn(pa, pb, p), bc = turn(pb, pc, p), ca = turn(pc, pa, p);
     if (strictness_ == Strictness::NothingInside) return ab >= 0 && bc >= 0 && ca >= 0;
     return ab > 0 && bc > 0 && ca > 0;
   }
@@ -157,8 +145,6 @@ class EarClipper {
     queued_[i] = true;
     candidates_.push_back(i);
   }
-
-  [[nodiscard]] uint32_t first_left() const { return first_left_; }
 
   std::vector<Vec2> points_;
   std::vector<uint32_t> previous_;
@@ -243,9 +229,7 @@ Vec3 area_vector(const TriangleMesh& mesh, const Triangle& t) {
 
 bool has_area(const TriangleMesh& mesh, const Triangle& t) {
   constexpr double kThinnest = 1e-14;
-  const Vec3 a = mesh.positions[t[0]];
-  const Vec3 b = mesh.positions[t[1]];
-  const Vec3 c = mesh.positions[t[2]];
+  const Vec3 a = mesh.positions[t[0]], b = mesh.positions[t[1]], c = mesh.positions[t[2]];
   const double longest = std::max({dot(b - a, b - a), dot(c - b, c - b), dot(a - c, a - c)});
   return length(area_vector(mesh, t)) > kThinnest * longest;
 }
@@ -256,10 +240,6 @@ std::vector<Vec3> face_means(const TriangleMesh& mesh) {
   for (const Triangle& t : mesh.triangles)
     for (const uint32_t corner : t) sums[corner] += area_vector(mesh, t);
   return sums;
-}
-
-bool is_unit(Vec3 v) {
-  return std::abs(dot(v, v) - 1.0) < 1e-6;
 }
 
 }  // namespace
@@ -301,16 +281,7 @@ using Uv = std::array<float, 2>;
 using Uvs = std::vector<Uv>;
 
 template <class T>
-void select(std::vector<T>& values, const std::vector<uint32_t>& from) {
-  if (values.empty()) return;
-  std::vector<T> selected;
-  selected.reserve(from.size());
-  for (const uint32_t i : from) selected.push_back(values[i]);
-  values = std::move(selected);
-}
-
-template <class T>
-void select_groups(std::vector<T>& values, size_t per_vertex, const std::vector<uint32_t>& from) {
+void select(std::vector<T>& values, const std::vector<uint32_t>& from, size_t per_vertex = 1) {
   if (values.empty()) return;
   std::vector<T> selected;
   selected.reserve(from.size() * per_vertex);
@@ -330,8 +301,8 @@ void select_vertices(TriangleMesh& mesh, const std::vector<uint32_t>& from) {
   select(mesh.tangents, from);
   if (!mesh.deformation) return;
   auto deformation = std::make_shared<Deformation>(*mesh.deformation);
-  select_groups(deformation->joints, deformation->joints_per_vertex, from);
-  select_groups(deformation->weights, deformation->joints_per_vertex, from);
+  select(deformation->joints, from, deformation->joints_per_vertex);
+  select(deformation->weights, from, deformation->joints_per_vertex);
   for (MorphTarget& target : deformation->targets) {
     select(target.positions, from);
     select(target.normals, from);
@@ -359,10 +330,9 @@ namespace {
 void make_flat(TriangleMesh& mesh) {
   split_vertices(mesh);
   mesh.normals.resize(mesh.positions.size());
-  for (const auto& [a, b, c] : mesh.triangles) {
-    const Vec3 origin = mesh.positions[a];
-    const Vec3 normal = normalized(cross(mesh.positions[b] - origin, mesh.positions[c] - origin));
-    for (const uint32_t corner : {a, b, c}) mesh.normals[corner] = normal;
+  for (const Triangle& triangle : mesh.triangles) {
+    const Vec3 normal = normalized(area_vector(mesh, triangle));
+    for (const uint32_t corner : triangle) mesh.normals[corner] = normal;
   }
 }
 

@@ -50,6 +50,12 @@ struct MeshShape {
   /// The triangles as given to Embree: wide triangles are collapsed to points. Empty if the mesh
   /// has no wide triangle.
   std::vector<std::array<uint32_t, 3>> narrow_triangles;
+
+  /// Returns the corners in single precision; see also corners_of().
+  [[nodiscard]] std::array<Vec3f, 3> corners(size_t triangle) const {
+    const auto& [a, b, c] = triangles[triangle];
+    return {positions[a], positions[b], positions[c]};
+  }
 };
 
 /// A light in the scene frame; its node has no meaning.

@@ -58,10 +58,8 @@ std::vector<uint32_t> welded(const MeshShape& mesh) {
 }
 
 Vec3 face_normal(const MeshShape& mesh, uint32_t triangle) {
-  const auto corner = [&](size_t n) { return Vec3(mesh.positions[mesh.triangles[triangle][n]]); };
-  const Vec3 normal = cross(corner(1) - corner(0), corner(2) - corner(0));
-  const double size = length(normal);
-  return size > 0.0 ? normal / size : Vec3{};
+  const auto [a, b, c] = mesh.corners(triangle);
+  return normalized(cross(Vec3(b) - Vec3(a), Vec3(c) - Vec3(a)));
 }
 
 struct Edge {
