@@ -52,7 +52,8 @@ double blended(double a, double b, double part) {
   return a + part * (b - a);
 }
 
-/// Light of the 256 codes, rounded as float textures are.
+}  // namespace
+
 const std::array<float, 256>& light_of_codes() {
   static const std::array<float, 256> light = [] {
     std::array<float, 256> rounded{};
@@ -62,8 +63,6 @@ const std::array<float, 256>& light_of_codes() {
   }();
   return light;
 }
-
-}  // namespace
 
 bool is_complete(const Texture& texture) {
   if (texture.width <= 0 || texture.height <= 0) return false;
@@ -111,8 +110,8 @@ bool keep_codes(Texture& texture, bool is_colour) {
     const bool is_light = is_colour && n % 4 != 3;
     codes[n] =
         is_light ? frames::code_from_linear(double{value}) : frames::code_from_encoded(value);
-    const float again = is_light ? static_cast<float>(frames::linear_of_codes()[codes[n]])
-                                 : static_cast<float>(codes[n]) / 255.0F;
+    const float again =
+        is_light ? light_of_codes()[codes[n]] : static_cast<float>(codes[n]) / 255.0F;
     if (again != value) return false;
   }
   texture.codes = std::move(codes);

@@ -3,6 +3,7 @@
 // memory.
 #pragma once
 
+#include <array>
 #include <cstddef>
 
 #include "render/scene/scene_description.h"
@@ -16,6 +17,9 @@ namespace lenticule::render {
 
 /// Returns true if the texture has texels, and as many as its size states.
 [[nodiscard]] bool is_complete(const Texture& texture);
+
+/// Returns the light of the 256 codes of a colour, rounded as float textures are.
+[[nodiscard]] const std::array<float, 256>& light_of_codes();
 
 /// Returns a channel of a texel as linear light; `texel` counts row by row. Alpha is channel 3.
 [[nodiscard]] double texel_light(const Texture& texture, size_t texel, int channel);

@@ -668,12 +668,6 @@ Vec3 InputReader::read_mirror(const PbrMaterial& material, const MaterialInputs&
 
 namespace {
 
-void write(Vec3 v, float (&out)[3]) {
-  out[0] = static_cast<float>(v.x);
-  out[1] = static_cast<float>(v.y);
-  out[2] = static_cast<float>(v.z);
-}
-
 /// Returns true if the material consists of a base, a mirror and at most a coat.
 bool is_plain(const PbrMaterial& m) {
   return !m.unlit && m.transmission == 0.0 && m.sheen_colour == Vec3{} && m.iridescence == 0.0 &&
@@ -727,7 +721,7 @@ void PbrScene::set_tables() {
   write(scene_.scene_from_panel.column_x, axes_.across);
   write(scene_.scene_from_panel.column_y, axes_.along);
   const Affine& map = panel_from_scene_;
-  write({map.column_x.z, map.column_y.z, map.column_z.z}, axes_.depth);
+  write(Vec3{map.column_x.z, map.column_y.z, map.column_z.z}, axes_.depth);
   axes_.depth_origin = static_cast<float>(map.origin.z);
 }
 
@@ -826,7 +820,7 @@ PbrScene::PbrScene(const Scene& scene, bool has_studio)
       tone_map_(scene.backdrop.tone_map),
       panel_from_scene_(scene.scene_from_panel.inverse()) {
   set_environment(has_studio);
-  using enum MipMaps::Content;
+  using enum texel_kernel::Content;
   for (const Material& material : scene.materials) {
     const PbrMaterial& m = *material.pbr;
     any_passes_ =

@@ -7,12 +7,6 @@
 namespace lenticule::render {
 namespace {
 
-void write(Vec3 v, float (&out)[3]) {
-  out[0] = static_cast<float>(v.x);
-  out[1] = static_cast<float>(v.y);
-  out[2] = static_cast<float>(v.z);
-}
-
 shading_kernel::Material table_entry(const Material& material) {
   shading_kernel::Material out{};
   write(material.colour, out.colour);
@@ -48,18 +42,10 @@ shading_kernel::Quadric table_entry(const ConeShape& cone) {
 }
 
 shading_kernel::Light table_entry(const SceneLight& light, double units_per_world) {
+  static_assert(static_cast<int>(Light::Kind::Directional) == shading_kernel::Light::kDirectional &&
+                static_cast<int>(Light::Kind::Spot) == shading_kernel::Light::kSpot);
   shading_kernel::Light out{};
-  switch (light.kind) {
-    case Light::Kind::Point:
-      out.kind = shading_kernel::Light::kPoint;
-      break;
-    case Light::Kind::Directional:
-      out.kind = shading_kernel::Light::kDirectional;
-      break;
-    case Light::Kind::Spot:
-      out.kind = shading_kernel::Light::kSpot;
-      break;
-  }
+  out.kind = static_cast<shading_kernel::Light::Kind>(light.kind);
   write(light.position, out.position);
   write(light.direction, out.direction);
   write(light.colour, out.colour);
@@ -68,12 +54,6 @@ shading_kernel::Light table_entry(const SceneLight& light, double units_per_worl
   out.falls_off = light.falls_off ? 1 : 0;
   out.world_units_squared = static_cast<float>(units_per_world * units_per_world);
   return out;
-}
-
-void write(Vec3 v, double (&out)[3]) {
-  out[0] = v.x;
-  out[1] = v.y;
-  out[2] = v.z;
 }
 
 shading_kernel::WideTriangle wide_entry(const WideTriangle& triangle) {
@@ -198,19 +178,13 @@ ShadingTables::ShadingTables(const Scene& scene) {
   for (const SceneLight& light : scene.lights)
     lights_.push_back(table_entry(light, scene.frame.units_per_world));
   for (const GeometryEntry& entry : scene.geometries) {
-    switch (entry.kind) {
-      case GeometryEntry::Kind::Mesh:
-        geometries_.push_back(table_entry(scene.meshes[entry.mesh], wide_triangles_));
-        break;
-      case GeometryEntry::Kind::Spheres:
-        geometries_.push_back(
-            {.kind = shading_kernel::Geometry::kSpheres, .mesh = {}, .quadrics = spheres_.data()});
-        break;
-      case GeometryEntry::Kind::Cones:
-        geometries_.push_back(
-            {.kind = shading_kernel::Geometry::kCones, .mesh = {}, .quadrics = cones_.data()});
-        break;
-    }
+    using shading_kernel::Geometry;
+    if (entry.kind == GeometryEntry::Kind::Mesh)
+      geometries_.push_back(table_entry(scene.meshes[entry.mesh], wide_triangles_));
+    else if (entry.kind == GeometryEntry::Kind::Spheres)
+      geometries_.push_back({.kind = Geometry::kSpheres, .mesh = {}, .quadrics = spheres_.data()});
+    else
+      geometries_.push_back({.kind = Geometry::kCones, .mesh = {}, .quadrics = cones_.data()});
   }
   tables_ = {.geometries = geometries_.data(), .materials = materials_.data(), .ambient = {}};
   write(scene.ambient, tables_.ambient);

@@ -13,6 +13,14 @@
 
 namespace lenticule::render {
 
+/// Writes a vector to a table of a kernel.
+template <class T>
+void write(Vec3 v, T (&out)[3]) {
+  out[0] = static_cast<T>(v.x);
+  out[1] = static_cast<T>(v.y);
+  out[2] = static_cast<T>(v.z);
+}
+
 /// ShadingTables is made from a scene. Thread safety: immutable. Lifetime: points into the scene.
 class ShadingTables {
  public:

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "frames/srgb.h"
+#include "render/scene/texture.h"
 
 namespace lenticule::render {
 namespace {
@@ -119,24 +120,6 @@ Ellipse ellipse_around(Vec2 a, Vec2 b) {
   const double size = std::sqrt(axis.x * axis.x + axis.y * axis.y);
   if (size > 0.0) out.major_axis = {axis.x / size, axis.y / size};
   return out;
-}
-
-const float* light_of_code() {
-  static const std::array<float, 256> light = [] {
-    std::array<float, 256> all{};
-    for (size_t code = 0; code < all.size(); ++code)
-      all[code] = static_cast<float>(frames::linear_of_codes()[code]);
-    return all;
-  }();
-  return light.data();
-}
-
-texel_kernel::Content kernel_content(MipMaps::Content content) {
-  using enum MipMaps::Content;
-  using texel_kernel::Content;
-  return content == Colour ? Content::kColour
-         : content == Data ? Content::kData
-                           : Content::kNormals;
 }
 
 }  // namespace
@@ -282,8 +265,8 @@ void MipMaps::find(Vec2 at, const TextureFootprint& footprint, TextureLookup& lo
 
 Value MipMaps::value(const TextureLookup& lookup) const {
   std::array<float, 4> mean;
-  kernel_.mean(kernel_content(content_), light_of_code(), views_[lookup.fine],
-               views_[lookup.fine + 1], lookup.texels, mean.data());
+  kernel_.mean(content_, light_of_codes().data(), views_[lookup.fine], views_[lookup.fine + 1],
+               lookup.texels, mean.data());
   return {double{mean[0]}, double{mean[1]}, double{mean[2]}, double{mean[3]}};
 }
 

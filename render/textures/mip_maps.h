@@ -39,10 +39,7 @@ struct TextureLookup {
 /// texture have 8 bits. Thread safety: immutable.
 class MipMaps {
  public:
-  /// The meaning of the texels. Colours are averaged as light, and 8-bit colours are sRGB-encoded.
-  /// Texels of normal maps are unit vectors (RGB = 1/2 + vector / 2); their levels hold in the
-  /// fourth channel how much the vectors differ.
-  enum class Content { Colour, Data, Normals };
+  using Content = texel_kernel::Content;
 
   MipMaps(std::shared_ptr<const Texture> texture, Content content);
 

@@ -168,9 +168,9 @@ inline void load(const float* light_of_code, const Level& level, int32_t upper, 
     EightCodes codes;
     load_codes(level.codes + 4 * int64_t{upper}, level.codes + 4 * int64_t{lower}, codes);
     out = __builtin_convertvector(codes, Eight) / 255.0F;
-    if constexpr (content == Content::kColour) look_up(light_of_code, codes, out);
+    if constexpr (content == Content::Colour) look_up(light_of_code, codes, out);
   }
-  if constexpr (content == Content::kNormals) make_vectors(level.is_first != 0, out);
+  if constexpr (content == Content::Normals) make_vectors(level.is_first != 0, out);
 }
 
 template <Content content>
@@ -205,9 +205,9 @@ void mean_of(const float* light_of_code, const Level& fine, const Level& coarse,
 
 void mean(Content content, const float* light_of_code, const Level& fine, const Level& coarse,
           const Lookup& lookup, float* out) {
-  const auto of_content = content == Content::kColour ? mean_of<Content::kColour>
-                          : content == Content::kData ? mean_of<Content::kData>
-                                                      : mean_of<Content::kNormals>;
+  const auto of_content = content == Content::Colour ? mean_of<Content::Colour>
+                          : content == Content::Data ? mean_of<Content::Data>
+                                                     : mean_of<Content::Normals>;
   of_content(light_of_code, fine, coarse, lookup, out);
 }
 

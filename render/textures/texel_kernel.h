@@ -13,8 +13,10 @@ namespace lenticule::render::texel_kernel {
 /// Largest number of places in a texture whose texels one look-up averages.
 inline constexpr int kPlaces = 16;
 
-/// The meaning of the texels, see MipMaps::Content.
-enum class Content : int32_t { kColour, kData, kNormals };
+/// The meaning of the texels. Colours are averaged as light, and 8-bit colours are sRGB-encoded.
+/// Texels of normal maps are unit vectors (RGB = 1/2 + vector / 2); their levels hold in the fourth
+/// channel how much the vectors differ.
+enum class Content : int32_t { Colour, Data, Normals };
 
 /// Level is one level of a texture, with four channels per texel: 8-bit codes or, if these are
 /// null, values.

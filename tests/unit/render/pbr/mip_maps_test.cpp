@@ -13,7 +13,7 @@
 namespace lenticule::render {
 namespace {
 
-using enum MipMaps::Content;
+using enum texel_kernel::Content;
 
 std::shared_ptr<Texture> codes(int width, int height,
                                const std::function<std::array<int, 4>(int, int)>& texel) {

@@ -126,12 +126,12 @@ TEST_F(TexelKernel, IsTheMeanOfBilinearValues) {
   for (int round = 0; round < 1000; ++round) {
     Lookup lookup = random_lookup();
     isa_baseline::kTexelKernel.find(random_path(), lookup);
-    for (const Content content : {Content::kColour, Content::kData}) {
+    for (const Content content : {Content::Colour, Content::Data}) {
       const auto level_value = [&](const std::vector<uint8_t>& codes, const Corners& at, size_t c) {
         const auto of = [&](int corner) {
           const uint8_t code = codes[4 * static_cast<size_t>(at.texel[corner]) + c];
-          return content == Content::kColour && c < 3 ? frames::linear_of_codes()[code]
-                                                      : code / 255.0;
+          return content == Content::Colour && c < 3 ? frames::linear_of_codes()[code]
+                                                     : code / 255.0;
         };
         const double right = double{at.right}, below = double{at.below};
         return (1.0 - below) * ((1.0 - right) * of(0) + right * of(1)) +
@@ -158,7 +158,7 @@ TEST_F(TexelKernel, MakesUnitVectorsOfNormals) {
   lookup.places = 1;
   for (int32_t texel = 0; texel < kFine[0] * kFine[1]; ++texel) {
     for (int32_t& each : lookup.fine[0].texel) each = texel;
-    const Mean v = mean(isa_baseline::kTexelKernel, Content::kNormals, fine(), coarse(), lookup);
+    const Mean v = mean(isa_baseline::kTexelKernel, Content::Normals, fine(), coarse(), lookup);
     ASSERT_NEAR(std::hypot(v[0], v[1], v[2]), 1.0, 1e-6);
     const uint8_t* code = fine_.data() + 4 * texel;
     const double size =
@@ -179,7 +179,7 @@ TEST_F(TexelKernel, GivesTheSameBitsOnEveryInstructionSet) {
       Lookup other = wanted;
       kernel->find(path, other);
       ASSERT_EQ(std::memcmp(&first, &other, sizeof first), 0);
-      for (const Content content : {Content::kColour, Content::kData, Content::kNormals})
+      for (const Content content : {Content::Colour, Content::Data, Content::Normals})
         for (const Level& sharp : {fine(), values()}) {
           const Mean a = mean(*kernels[0], content, sharp, coarse(), first);
           const Mean b = mean(*kernel, content, sharp, coarse(), first);
