@@ -179,14 +179,7 @@ class MicroImageSweep {
   void fill_from_neighbours() {
     join_all();
     each_empty(1, 0, [&](int column, Lanes& lanes) {
-      Sides sides;
-      const Column& c = columns_[static_cast<size_t>(column)];
-      for (size_t r = 0; r < kPacket; ++r) {
-        sides.left[r] = c.lens[r] - 1;
-        sides.right[r] = c.lens[r] + 1;
-        sides.part[r] = 0.5F;
-      }
-      project(column, lanes, sides);
+      project(column, lanes, neighbours_of(column));
       note_missing(column, lanes);
     });
   }
@@ -228,13 +221,13 @@ class MicroImageSweep {
                                              : frames::code_from_encoded(light));
   }
 
-  static bool any(const std::array<int32_t, kPacket>& lanes) {
+  using Lanes = std::array<int32_t, kPacket>;
+  static bool any(const Lanes& lanes) {
     int32_t all = 0;
     for (const int32_t lane : lanes) all |= lane;
     return all != 0;
   }
 
-  using Lanes = std::array<int32_t, kPacket>;
   /// Sides holds, per lane of a column, the two lenses to take points from and the weight of the
   /// right one.
   struct Sides {
@@ -242,6 +235,16 @@ class MicroImageSweep {
     alignas(64) Lanes right;
     alignas(64) std::array<float, kPacket> part;
   };
+  [[nodiscard]] Sides neighbours_of(int column) const {
+    Sides sides;
+    for (size_t r = 0; r < kPacket; ++r) {
+      const int lens = columns_[static_cast<size_t>(column)].lens[r];
+      sides.left[r] = lens - 1;
+      sides.right[r] = lens + 1;
+      sides.part[r] = 0.5F;
+    }
+    return sides;
+  }
   struct Range {
     int first = 0;
     int end = 0;
@@ -368,24 +371,27 @@ class MicroImageSweep {
     }
   }
   void project(int column, const Lanes& lanes, const Sides& sides) {
+    const auto points = options_.reconstruction == ReuseOptions::Reconstruction::Nearest
+                            ? plan_.kernel.nearest
+                            : plan_.kernel.on_chords;
     Found found;
-    look(column, lanes, sides.left, found);
+    search(points, column, lanes, sides.left, found);
     if (sides.left != sides.right) {
       Found other;
-      look(column, lanes, sides.right, other);
+      search(points, column, lanes, sides.right, other);
       plan_.kernel.merge(other, sides.part.data(), plan_.rules, found);
     }
 
     plan_.kernel.put(found, lanes.data(), reprojection::kProjected,
                      columns_[static_cast<size_t>(column)]);
   }
-  void look(int column, const Lanes& lanes, const Lanes& lenses, reprojection::Found& found) const {
+  /// Searches the columns that contain the lenses with one of the kernel's functions.
+  template <class Function>
+  void search(Function function, int column, const Lanes& lanes, const Lanes& lenses,
+              Found& found) const {
     const Range range = range_of(lenses, lanes, column);
-    const auto search = options_.reconstruction == ReuseOptions::Reconstruction::Nearest
-                            ? plan_.kernel.nearest
-                            : plan_.kernel.on_chords;
-    search(columns_.data(), range.first, range.end, lenses.data(),
-           columns_[static_cast<size_t>(column)], plan_.rules, found);
+    function(columns_.data(), range.first, range.end, lenses.data(),
+             columns_[static_cast<size_t>(column)], plan_.rules, found);
   }
   void note_missing(int column, const Lanes& lanes) {
     Column& c = columns_[static_cast<size_t>(column)];
@@ -394,25 +400,14 @@ class MicroImageSweep {
   }
   void mean(int column, const Lanes& lanes) {
     Column& c = columns_[static_cast<size_t>(column)];
-    alignas(64) Lanes left, right;
-    alignas(64) std::array<float, kPacket> half;
-    half.fill(0.5F);
-    for (size_t r = 0; r < kPacket; ++r) {
-      left[r] = c.lens[r] - 1;
-      right[r] = c.lens[r] + 1;
-    }
-
+    const Sides sides = neighbours_of(column);
     Found one, other;
-    const Range left_range = range_of(left, lanes, column);
-    const Range right_range = range_of(right, lanes, column);
-    plan_.kernel.same_place(columns_.data(), left_range.first, left_range.end, left.data(), c,
-                            plan_.rules, one);
-    plan_.kernel.same_place(columns_.data(), right_range.first, right_range.end, right.data(), c,
-                            plan_.rules, other);
+    search(plan_.kernel.same_place, column, lanes, sides.left, one);
+    search(plan_.kernel.same_place, column, lanes, sides.right, other);
     reprojection::Rules both = plan_.rules;
     both.one_side = false;
     both.agreement = options_.mean_agreement;
-    plan_.kernel.merge(other, half.data(), both, one);
+    plan_.kernel.merge(other, sides.part.data(), both, one);
     for (size_t r = 0; r < kPacket; ++r)
       if (one.known[r] != 0) one.z[r] = std::numeric_limits<float>::quiet_NaN();
     plan_.kernel.put(one, lanes.data(), reprojection::kInterpolated, c);
