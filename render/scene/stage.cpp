@@ -120,6 +120,14 @@ void for_each_corner(const SceneDescription& scene, Visit visit) {
   });
 }
 
+/// Returns half the size, along each axis, of a disc that is perpendicular to a unit vector.
+Vec3 half_of_disc(Vec3 normal, double radius) {
+  const auto reach = [&](double along) {
+    return radius * std::sqrt(std::max(0.0, 1 - along * along));
+  };
+  return {reach(normal.x), reach(normal.y), reach(normal.z)};
+}
+
 // ---- extent of the content, for scenes that are fitted as a whole
 
 /// Extent computes how far content reaches from the centre of the panel along the panel's axes, in
@@ -168,10 +176,7 @@ class Extent {
   void add_disc(Vec3 centre, Vec3 axis, double radius) {
     const Vec3 a = upright_.turned(normalized(axis));
     const Vec3 n{a.x, cos_ * a.y - sin_ * a.z, sin_ * a.y + cos_ * a.z};
-    const auto reach = [&](double along) {
-      return every_turn_ ? radius : radius * std::sqrt(std::max(0.0, 1 - along * along));
-    };
-    add(centre, {reach(n.x), reach(n.y), reach(n.z)});
+    add(centre, every_turn_ ? Vec3{radius, radius, radius} : half_of_disc(n, radius));
   }
 
   void extend(double x, double y, double z, Vec3 half) {
@@ -458,11 +463,7 @@ Affine world_from_panel(const Framing& framing, double depth_scale) {
 }
 
 void extend_disc(Box& bounds, Vec3 centre, Vec3 axis, double radius) {
-  const Vec3 n = normalized(axis);
-  const auto reach = [&](double along) {
-    return radius * std::sqrt(std::max(0.0, 1 - along * along));
-  };
-  const Vec3 half{reach(n.x), reach(n.y), reach(n.z)};
+  const Vec3 half = half_of_disc(normalized(axis), radius);
   bounds.extend(centre - half);
   bounds.extend(centre + half);
 }

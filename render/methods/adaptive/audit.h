@@ -139,16 +139,10 @@ inline constexpr int64_t kSorting =
 /// long as shading itself takes the sorting of those that are shaded individually.
 inline constexpr int64_t kMaterialSubpixel = 20;
 inline constexpr int64_t kMaterialSorting = 90;
+/// Finding the surfaces and rows of a primitive, once a frame.
+inline constexpr int64_t kPrimitive = 400;
 /// Rays per subpixel with soft light, in sixteenths: always many.
 inline constexpr int64_t kSoftRays = 16 * 100;
-
-/// Costs of metallic-roughness materials, with the time of `full` for a subpixel that sees one.
-inline BandCosts costs_of_materials(const BandCounts& band, int64_t full) {
-  const int64_t seen = band.seen, shaded = band.shaded;
-  return {.full = seen * full,
-          .lookups = seen * kMaterialSubpixel + band.cuts * kCut,
-          .shading = shaded * (kMaterialSorting + full / 2)};
-}
 
 /// BandCostModel estimates the costs of the bands of one scene.
 struct BandCostModel {
@@ -164,26 +158,17 @@ struct BandCostModel {
     // Subpixels that see nothing cost little with both methods.
     const int64_t seen = band.seen, shaded = band.shaded;
     const int64_t rays_of_seen = seen > 0 ? rays * rendered / seen : 0;
-    if (has_pbr) return costs_of_materials(band, kMaterial + kRay * rays_of_seen / 16);
-    const int64_t full = kPrimary + kRay * rays_of_seen / 16;
+    const int64_t full = (has_pbr ? kMaterial : kPrimary) + kRay * rays_of_seen / 16;
+    if (has_pbr)
+      return {.full = seen * full,
+              .lookups = seen * kMaterialSubpixel + band.cuts * kCut,
+              .shading = shaded * (kMaterialSorting + full / 2)};
     const int64_t samples = seen * full / 8 + band.audited * full * seen / rendered;
     return {.full = seen * full,
             .lookups = seen * kSubpixel + band.cuts * kCut + samples,
             .shading = shaded * (kSorting + full * 5 / 8)};
   }
 };
-
-inline constexpr int64_t kPrimitive = 400;  ///< set-up for a frame
-
-/// Returns the estimated time of method full for subpixels that all see a surface and from each of
-/// which `rays` sixteenths of a ray start.
-[[nodiscard]] inline int64_t time_of_full(int64_t subpixels, int64_t rays) {
-  return subpixels * (kPrimary + kRay * rays / 16);
-}
-/// Returns the estimated time that finding surfaces and rows of primitives takes in a frame.
-[[nodiscard]] inline int64_t time_of_set_up(int64_t primitives) {
-  return primitives * kPrimitive;
-}
 
 /// Two disjoint selections: one decides which bands are retraced, the other evaluates the result.
 enum class Draw : uint8_t { None, Retracing, Evaluation };

@@ -449,14 +449,18 @@ class KeySamples {
   }
 
  private:
+  /// Returns the largest difference between the corners' values of one channel.
+  static int range(const std::array<uint16_t, 4>& values) {
+    const auto [low, high] = std::ranges::minmax(values);
+    return high - low;
+  }
+
   /// Returns the largest difference between corners in any channel.
   static int largest_range(std::span<const Sample, 4> corners) {
     int most = 0;
-    for (size_t c = 0; c < 3; ++c) {
-      const auto [low, high] = std::minmax({int{corners[0].value[c]}, int{corners[1].value[c]},
-                                            int{corners[2].value[c]}, int{corners[3].value[c]}});
-      most = std::max(most, high - low);
-    }
+    for (size_t c = 0; c < 3; ++c)
+      most = std::max(most, range({corners[0].value[c], corners[1].value[c], corners[2].value[c],
+                                   corners[3].value[c]}));
     return most;
   }
 
@@ -504,13 +508,6 @@ class KeySamples {
         std::clamp(beside + across - opposite, 0, 255 * lookup_kernel::kCodeParts));
   }
 
-  /// Returns the largest difference between corners.
-  static int range(const lookup_kernel::Corners& corners) {
-    const auto [low, high] = std::minmax({int{corners.above[0]}, int{corners.above[1]},
-                                          int{corners.below[0]}, int{corners.below[1]}});
-    return high - low;
-  }
-
   [[nodiscard]] size_t in_row(int cache_view, int column) const {
     return static_cast<size_t>(cache_view) * static_cast<size_t>(grid_->stride()) +
            static_cast<size_t>(column);
@@ -545,9 +542,8 @@ class KeySamples {
       const uint16_t* below = above + 3 * row_samples_;
       std::array<uint16_t, 4> codes = {above[0], above[1], below[0], below[1]};
       if (*odd != kNoCorner) codes[*odd] = continued(codes, *odd);
-      lookup_kernel::Corners& of_channel = corners[c * row_samples_];
-      of_channel = {{codes[0], codes[1]}, {codes[2], codes[3]}};
-      most = std::max(most, range(of_channel));
+      corners[c * row_samples_] = {{codes[0], codes[1]}, {codes[2], codes[3]}};
+      most = std::max(most, range(codes));
     }
     if (most <= (even ? tolerances.alike : tolerances.unlike)) return group;
     return *odd == kNoCorner ? group | lookup_kernel::kUneven : 0;

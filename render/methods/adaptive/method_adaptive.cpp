@@ -994,8 +994,9 @@ class AdaptiveMethod final : public Method {
     for (const MeshShape& mesh : scene.meshes)
       primitives += static_cast<int64_t>(mesh.triangles.size());
     const auto subpixels = static_cast<int64_t>(subpixels_of(planes_));
+    // `rays`: of each subpixel, in sixteenths, if all see a surface.
     const auto is_expensive = [&](int64_t rays) {
-      return 4 * time_of_set_up(primitives) > time_of_full(subpixels, rays) * 3 / 4;
+      return 4 * primitives * kPrimitive > subpixels * (kPrimary + kRay * rays / 16) * 3 / 4;
     };
     if (options_.soft.any() || !is_expensive(0)) return false;
     const FlushDenormals flush;
