@@ -286,7 +286,7 @@ class RowMeter {
       : sweep_(sweep),
         evaluator_(model),
         depth_of_field_(model),
-        histogram_(model.rig().sheet.pitch.value) {}
+        histogram_{.views = model.rig().sheet.pitch.value} {}
 
   void measure(int row, const DepthPictures& pictures) {
     sweep_.sweep(row, swept_);
@@ -318,42 +318,31 @@ class RowMeter {
 
 }  // namespace
 
-DepthHistogram::DepthHistogram(double views)
-    : views_(views), bins_(static_cast<size_t>(2) * kReach * kBinsPerDepth) {}
-
-void DepthHistogram::add(double depth, double z_mm) {
+void DepthHistogram::add(double depth, double subpixel_z_mm) {
   if (!std::isfinite(depth)) {
-    ++nothing_;
+    ++nothing;
     return;
   }
   const double off = std::abs(depth);
-  if (off * views_ <= 1.0) ++at_panel_;
-  ++(off <= 1.0 ? within_ : depth > 0.0 ? in_front_ : behind_);
-  nearest_mm_ = std::max(nearest_mm_, z_mm);
-  farthest_mm_ = std::min(farthest_mm_, z_mm);
+  if (off * views <= 1.0) ++at_panel;
+  ++(off <= 1.0 ? within : depth > 0.0 ? in_front : behind);
+  nearest_mm = std::max(nearest_mm, subpixel_z_mm);
+  farthest_mm = std::min(farthest_mm, subpixel_z_mm);
   const double bin = std::floor((depth + kReach) * kBinsPerDepth);
-  const auto last = static_cast<double>(bins_.size() - 1);
-  ++bins_[static_cast<size_t>(std::clamp(bin, 0.0, last))];
+  const auto last = static_cast<double>(bins.size() - 1);
+  ++bins[static_cast<size_t>(std::clamp(bin, 0.0, last))];
 }
 
 DepthHistogram& DepthHistogram::operator+=(const DepthHistogram& other) {
-  nothing_ += other.nothing_;
-  at_panel_ += other.at_panel_;
-  within_ += other.within_;
-  in_front_ += other.in_front_;
-  behind_ += other.behind_;
-  nearest_mm_ = std::max(nearest_mm_, other.nearest_mm_);
-  farthest_mm_ = std::min(farthest_mm_, other.farthest_mm_);
-  for (size_t bin = 0; bin < bins_.size(); ++bin) bins_[bin] += other.bins_[bin];
+  nothing += other.nothing;
+  at_panel += other.at_panel;
+  within += other.within;
+  in_front += other.in_front;
+  behind += other.behind;
+  nearest_mm = std::max(nearest_mm, other.nearest_mm);
+  farthest_mm = std::min(farthest_mm, other.farthest_mm);
+  for (size_t bin = 0; bin < bins.size(); ++bin) bins[bin] += other.bins[bin];
   return *this;
-}
-
-uint64_t DepthHistogram::subpixels() const {
-  return nothing_ + within_ + in_front_ + behind_;
-}
-
-double DepthHistogram::bin_begin(size_t bin) {
-  return static_cast<double>(bin) / kBinsPerDepth - kReach;
 }
 
 DepthHistogram measure_depth(const optics::OpticalModel& model, const Scene& scene, int threads,
@@ -370,7 +359,7 @@ DepthHistogram measure_depth(const optics::OpticalModel& model, const Scene& sce
       for (int row = band * kBand; row < end; ++row) meters.local().measure(row, pictures);
     });
   });
-  DepthHistogram sum(model.rig().sheet.pitch.value);
+  DepthHistogram sum{.views = model.rig().sheet.pitch.value};
   for (const RowMeter& meter : meters) sum += meter.histogram();
   return sum;
 }

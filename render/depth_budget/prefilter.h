@@ -162,40 +162,33 @@ class DepthPrefilter {
 
 /// DepthHistogram counts subpixels by depth z, divided by the depth of field along the subpixel's
 /// own ray; positive in front of the panel.
-class DepthHistogram {
- public:
+struct DepthHistogram {
   static constexpr int kBinsPerDepth = 8;
   static constexpr int kReach = 16;  ///< depths of field to each side
 
-  /// `views` is N, the number of subpixels per lens: within 1/N depths of field all views of a lens
-  /// see the same content to within a lens pitch.
-  explicit DepthHistogram(double views = 1.0);
+  /// Number N of subpixels per lens: within 1/N depths of field all views of a lens see the same
+  /// content to within a lens pitch.
+  double views = 1.0;
+  uint64_t nothing = 0;
+  uint64_t at_panel = 0;  ///< part of `within`
+  uint64_t within = 0;    ///< up to one depth of field away
+  uint64_t in_front = 0;  ///< more than one depth of field
+  uint64_t behind = 0;    ///< more than one depth of field
+  /// Panel z of the extreme visible points; -infinity and infinity if there are none.
+  double nearest_mm = -std::numeric_limits<double>::infinity();
+  double farthest_mm = std::numeric_limits<double>::infinity();
+  /// Bins from -kReach to kReach; depths beyond are counted in the first and the last bin.
+  std::vector<uint64_t> bins = std::vector<uint64_t>(size_t{2} * kReach * kBinsPerDepth);
 
   /// Adds one subpixel; `depth` is infinite if the subpixel sees nothing.
-  void add(double depth, double z_mm);
+  void add(double depth, double subpixel_z_mm);
   DepthHistogram& operator+=(const DepthHistogram& other);
 
-  [[nodiscard]] uint64_t subpixels() const;
-  [[nodiscard]] uint64_t nothing() const { return nothing_; }
-  [[nodiscard]] uint64_t at_panel() const { return at_panel_; }  ///< part of within()
-  [[nodiscard]] uint64_t within() const { return within_; }      ///< up to one depth of field away
-  [[nodiscard]] uint64_t in_front() const { return in_front_; }  ///< more than one depth of field
-  [[nodiscard]] uint64_t behind() const { return behind_; }      ///< more than one depth of field
-  /// Panel z of the extreme visible points; -infinity and infinity if there are none.
-  [[nodiscard]] double nearest_mm() const { return nearest_mm_; }
-  [[nodiscard]] double farthest_mm() const { return farthest_mm_; }
-
-  /// Bins from -kReach to kReach; depths beyond are counted in the first and the last bin.
-  [[nodiscard]] const std::vector<uint64_t>& bins() const { return bins_; }
+  [[nodiscard]] uint64_t subpixels() const { return nothing + within + in_front + behind; }
   /// Returns the lower end of a bin, in depths of field.
-  [[nodiscard]] static double bin_begin(size_t bin);
-
- private:
-  double views_;
-  uint64_t nothing_ = 0, at_panel_ = 0, within_ = 0, in_front_ = 0, behind_ = 0;
-  double nearest_mm_ = -std::numeric_limits<double>::infinity();
-  double farthest_mm_ = std::numeric_limits<double>::infinity();
-  std::vector<uint64_t> bins_;
+  [[nodiscard]] static double bin_begin(size_t bin) {
+    return static_cast<double>(bin) / kBinsPerDepth - kReach;
+  }
 };
 
 /// Optional pictures of a frame's depths; both have the panel's size.

@@ -60,7 +60,7 @@ Measured measure(const DepthFlags& flags, const optics::OpticalModel& model) {
                              flags.staging.stage, flags.staging.turned_by_degrees);
   const optics::Panel& panel = model.rig().panel;
   frames::WovenFrame picture({panel.width_px, panel.height_px, frames::PixelFormat::Rgb8});
-  Measured measured{render::DepthHistogram(model.rig().sheet.pitch.value), 0,
+  Measured measured{render::DepthHistogram{.views = model.rig().sheet.pitch.value}, 0,
                     depth_of_field_at_the_edge(model)};
   for (uint64_t frame = range.begin; frame < range.end && !player::interrupted(); ++frame) {
     const render::SceneDescription description = scenes.at(frame);
@@ -77,11 +77,11 @@ Measured measure(const DepthFlags& flags, const optics::OpticalModel& model) {
 
 nlohmann::json bins_json(const render::DepthHistogram& histogram) {
   nlohmann::json bins = nlohmann::json::array();
-  for (size_t bin = 0; bin < histogram.bins().size(); ++bin)
-    if (histogram.bins()[bin] > 0)
+  for (size_t bin = 0; bin < histogram.bins.size(); ++bin)
+    if (histogram.bins[bin] > 0)
       bins.push_back({{"begin", render::DepthHistogram::bin_begin(bin)},
                       {"end", render::DepthHistogram::bin_begin(bin + 1)},
-                      {"subpixels", histogram.bins()[bin]}});
+                      {"subpixels", histogram.bins[bin]}});
   return bins;
 }
 
@@ -101,13 +101,13 @@ nlohmann::json report_json(const DepthFlags& flags, const optics::OpticalModel& 
           {"depth_of_field_mm", straight_mm},
           {"depth_of_field_at_edge_mm", measured.obliquest_mm},
           {"views", model.rig().sheet.pitch.value},
-          {"nearest_mm", h.nearest_mm()},
-          {"farthest_mm", h.farthest_mm()},
-          {"share_within", share(h.within())},
-          {"share_at_glass", share(h.at_panel())},
-          {"share_in_front", share(h.in_front())},
-          {"share_behind", share(h.behind())},
-          {"share_nothing", share(h.nothing())},
+          {"nearest_mm", h.nearest_mm},
+          {"farthest_mm", h.farthest_mm},
+          {"share_within", share(h.within)},
+          {"share_at_glass", share(h.at_panel)},
+          {"share_in_front", share(h.in_front)},
+          {"share_behind", share(h.behind)},
+          {"share_nothing", share(h.nothing)},
           {"bins", bins_json(h)}};
 }
 

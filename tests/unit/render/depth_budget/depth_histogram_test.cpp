@@ -20,7 +20,7 @@ using test::make_tiny_stage;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 TEST(DepthHistogram, CountsEachSubpixelOnce) {
-  DepthHistogram h(8.0);
+  DepthHistogram h{.views = 8.0};
   h.add(0.0, 0.0);
   h.add(0.125, 1.0);  // still in the panel's plane: an eighth
   h.add(-0.126, -1.0);
@@ -30,19 +30,19 @@ TEST(DepthHistogram, CountsEachSubpixelOnce) {
   h.add(-50.0, -400.0);
   h.add(-kInfinity, -kInfinity);
   EXPECT_EQ(h.subpixels(), 8U);
-  EXPECT_EQ(h.at_panel(), 2U);
-  EXPECT_EQ(h.within(), 4U);
-  EXPECT_EQ(h.in_front(), 1U);
-  EXPECT_EQ(h.behind(), 2U);
-  EXPECT_EQ(h.nothing(), 1U);
-  EXPECT_EQ(h.nearest_mm(), 8.1);
-  EXPECT_EQ(h.farthest_mm(), -400.0);
+  EXPECT_EQ(h.at_panel, 2U);
+  EXPECT_EQ(h.within, 4U);
+  EXPECT_EQ(h.in_front, 1U);
+  EXPECT_EQ(h.behind, 2U);
+  EXPECT_EQ(h.nothing, 1U);
+  EXPECT_EQ(h.nearest_mm, 8.1);
+  EXPECT_EQ(h.farthest_mm, -400.0);
 }
 
 TEST(DepthHistogram, BinsIncludeTheirLowerEdge) {
   DepthHistogram h;
   for (const double depth : {-0.125, -0.001, 0.0, 0.124, 16.0, 99.0, -16.0, -99.0}) h.add(depth, 0);
-  const auto& bins = h.bins();
+  const auto& bins = h.bins;
   const size_t zero = bins.size() / 2;
   EXPECT_EQ(DepthHistogram::bin_begin(zero), 0.0);
   EXPECT_EQ(bins[zero], 2U);
@@ -61,7 +61,7 @@ TEST(MeasureDepth, AgreesWithTheReference) {
     for (const test::NamedScene& named : test::tiny_scenes()) {
       const Scene scene(named.scene, stage, {}, 1);
       const DepthOfField field(model);
-      DepthHistogram expected(model.rig().sheet.pitch.value);
+      DepthHistogram expected{.views = model.rig().sheet.pitch.value};
       for (int j = 0; j < 12; ++j)
         for (int s = 0; s < 72; ++s) {
           const test::OracleRay ray = test::oracle_ray(model, s / 3, j, s % 3);
@@ -76,12 +76,12 @@ TEST(MeasureDepth, AgreesWithTheReference) {
       const auto close = [&](uint64_t a, uint64_t b) {
         return std::abs(static_cast<double>(a) - static_cast<double>(b)) <= 1.0;
       };
-      EXPECT_TRUE(close(h.within(), expected.within())) << named.name;
-      EXPECT_TRUE(close(h.at_panel(), expected.at_panel())) << named.name;
-      EXPECT_TRUE(close(h.in_front(), expected.in_front())) << named.name;
-      EXPECT_TRUE(close(h.behind(), expected.behind())) << named.name;
-      EXPECT_TRUE(close(h.nothing(), expected.nothing())) << named.name;
-      EXPECT_NEAR(h.nearest_mm(), expected.nearest_mm(), 2.0);
+      EXPECT_TRUE(close(h.within, expected.within)) << named.name;
+      EXPECT_TRUE(close(h.at_panel, expected.at_panel)) << named.name;
+      EXPECT_TRUE(close(h.in_front, expected.in_front)) << named.name;
+      EXPECT_TRUE(close(h.behind, expected.behind)) << named.name;
+      EXPECT_TRUE(close(h.nothing, expected.nothing)) << named.name;
+      EXPECT_NEAR(h.nearest_mm, expected.nearest_mm, 2.0);
     }
   }
 }
@@ -97,18 +97,17 @@ TEST(MeasureDepth, PicturesAgreeWithTheCounts) {
   frames::WovenFrame picture({24, 12, frames::PixelFormat::Rgb8});
   frames::WovenFrame beyond({24, 12, frames::PixelFormat::Rgb8});
   const DepthHistogram h = measure_depth(model, scene, 1, {.map = &picture, .beyond = &beyond});
-  EXPECT_GT(h.at_panel(), 0U);
-  EXPECT_GT(h.behind(), 0U);
-  EXPECT_EQ(static_cast<uint64_t>(std::ranges::count(beyond.bytes(), 255)),
-            h.behind() + h.nothing());
+  EXPECT_GT(h.at_panel, 0U);
+  EXPECT_GT(h.behind, 0U);
+  EXPECT_EQ(static_cast<uint64_t>(std::ranges::count(beyond.bytes(), 255)), h.behind + h.nothing);
   uint64_t white = 0, blue = 0;
   for (size_t n = 0; n < picture.bytes().size(); n += 3) {
     const uint8_t* p = picture.bytes().data() + n;
     white += p[0] == 255 && p[1] == 255 && p[2] == 255 ? 1 : 0;
     blue += p[0] == 0 && p[2] > 150 ? 1 : 0;
   }
-  EXPECT_NEAR(static_cast<double>(3 * white), static_cast<double>(h.at_panel()), 40.0);
-  EXPECT_NEAR(static_cast<double>(3 * blue), static_cast<double>(h.behind()), 40.0);
+  EXPECT_NEAR(static_cast<double>(3 * white), static_cast<double>(h.at_panel), 40.0);
+  EXPECT_NEAR(static_cast<double>(3 * blue), static_cast<double>(h.behind), 40.0);
 }
 
 TEST(MeasureDepth, DoesNotDependOnThreads) {
@@ -116,8 +115,8 @@ TEST(MeasureDepth, DoesNotDependOnThreads) {
   const Scene scene(test::tiny_scenes()[0].scene, make_tiny_stage({.depth_scale = 3.0}), {}, 5);
   const DepthHistogram one = measure_depth(model, scene, 1);
   const DepthHistogram many = measure_depth(model, scene, 5);
-  EXPECT_EQ(one.bins(), many.bins());
-  EXPECT_EQ(one.nothing(), many.nothing());
+  EXPECT_EQ(one.bins, many.bins);
+  EXPECT_EQ(one.nothing, many.nothing);
 }
 
 }  // namespace
