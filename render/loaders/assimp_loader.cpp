@@ -63,29 +63,31 @@ using NodeNames = std::unordered_map<std::string, int>;
 
 // ---- checks
 
-void check_mesh(const aiMesh& mesh, const std::string& label, const std::string& source) {
-  if (mesh.mNumVertices > kMaxVertices)
-    refuse(source, fmt::format("{} has more than {} vertices", label, kMaxVertices));
-  if (mesh.mNumFaces > kMaxTriangles)
-    refuse(source, fmt::format("{} has more than {} faces", label, kMaxTriangles));
-  if (mesh.mNumVertices > 0 && mesh.mVertices == nullptr)
-    refuse(source, fmt::format("{} has no positions", label));
-  for (unsigned i = 0; i < mesh.mNumVertices; ++i) {
-    if (const char* flaw = flaw_of(vec3(mesh.mVertices[i])))
-      refuse(source, fmt::format("{} vertex {} is {}", label, i, flaw));
-  }
-  for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
-    const aiFace& face = mesh.mFaces[f];
-    for (const unsigned index : std::span(face.mIndices, face.mNumIndices))
-      if (index >= mesh.mNumVertices)
-        refuse(source, fmt::format("{} face {} refers to vertex {} of {}", label, f, index,
-                                   mesh.mNumVertices));
-  }
-}
-
 std::string label_of(const aiMesh& mesh, unsigned index) {
   const std::string name = mesh.mName.C_Str();
   return name.empty() ? fmt::format("mesh {}", index) : fmt::format("mesh '{}'", name);
+}
+
+/// Throws Error(Input) with the mesh and the vertex or face that is invalid.
+void check_meshes(const aiScene& from, const std::string& source) {
+  for (unsigned m = 0; m < from.mNumMeshes; ++m) {
+    const aiMesh& mesh = *from.mMeshes[m];
+    const std::string label = label_of(mesh, m);
+    if (mesh.mNumVertices > kMaxVertices)
+      refuse(source, fmt::format("{} has more than {} vertices", label, kMaxVertices));
+    if (mesh.mNumFaces > kMaxTriangles)
+      refuse(source, fmt::format("{} has more than {} faces", label, kMaxTriangles));
+    if (mesh.mNumVertices > 0 && mesh.mVertices == nullptr)
+      refuse(source, fmt::format("{} has no positions", label));
+    for (unsigned i = 0; i < mesh.mNumVertices; ++i)
+      if (const char* flaw = flaw_of(vec3(mesh.mVertices[i])))
+        refuse(source, fmt::format("{} vertex {} is {}", label, i, flaw));
+    for (unsigned f = 0; f < mesh.mNumFaces; ++f)
+      for (const unsigned index : std::span(mesh.mFaces[f].mIndices, mesh.mFaces[f].mNumIndices))
+        if (index >= mesh.mNumVertices)
+          refuse(source, fmt::format("{} face {} refers to vertex {} of {}", label, f, index,
+                                     mesh.mNumVertices));
+  }
 }
 
 // ---- nodes
@@ -484,81 +486,59 @@ std::array<double, 4> value_of(const aiQuatKey& key) {
   return {key.mValue.x, key.mValue.y, key.mValue.z, key.mValue.w};
 }
 
-bool finite(Vec3 v) {
-  return is_finite(v);
-}
-bool finite(const std::array<double, 4>& q) {
+bool is_finite(const std::array<double, 4>& q) {
   return std::ranges::all_of(q, [](double v) { return std::isfinite(v); });
 }
 
-class AnimationImport {
- public:
-  explicit AnimationImport(SceneDescription& scene) : scene_(scene) {}
-
-  /// Imports an animation; a node that an earlier channel moves stays as it is.
-  void add(const aiAnimation& from, const NodeNames& nodes) {
-    const double stated = from.mTicksPerSecond;
-    ticks_per_second_ =
-        std::isfinite(stated) && stated > 0.0 ? stated : kTicksPerSecondUnlessStated;
-    for (const aiNodeAnim* channel : std::span(from.mChannels, from.mNumChannels)) {
-      const auto found = nodes.find(channel->mNodeName.C_Str());
-      if (found == nodes.end()) continue;
-      Node& node = scene_.nodes[static_cast<size_t>(found->second)];
-      if (!node.animated) add(*channel, node);
-    }
-  }
-
-  void finish() {
-    if (dropped_keys_ > 0)
-      scene_.notes.push_back(fmt::format("{} key frames out of order dropped", dropped_keys_));
-  }
-
- private:
-  void add(const aiNodeAnim& from, Node& node) {
-    read(std::span(from.mPositionKeys, from.mNumPositionKeys), node, node.translations);
-    read(std::span(from.mRotationKeys, from.mNumRotationKeys), node, node.rotations);
-    read(std::span(from.mScalingKeys, from.mNumScalingKeys), node, node.scales);
-    node.animated = !node.translations.times.empty() || !node.rotations.times.empty() ||
-                    !node.scales.times.empty();
-  }
-
-  template <class Key, class T>
-  void read(std::span<Key> keys, const Node& node, Channel<T>& channel) {
-    if ((keys_ += keys.size()) > kMaxKeys)
-      refuse(scene_.source, fmt::format("more than {} key frames", kMaxKeys));
-    for (const Key& key : keys) {
-      const double seconds = key.mTime / ticks_per_second_;
-      const T value = value_of(key);
-      if (!(std::abs(seconds) <= kLongestSeconds) || !finite(value))
-        refuse(scene_.source,
-               fmt::format("node '{}' has a key frame that is not finite", node.name));
-      if (!channel.times.empty() && seconds <= channel.times.back()) {
-        ++dropped_keys_;
-        continue;
-      }
-      channel.times.push_back(seconds);
-      channel.values.push_back(value);
-      scene_.duration_seconds = std::max(scene_.duration_seconds, seconds);
-    }
-  }
-
-  SceneDescription& scene_;
-  double ticks_per_second_ = 0.0;
-  size_t keys_ = 0;
-  size_t dropped_keys_ = 0;
-};
-
-/// Imports the key frames of the wanted animations.
+/// Imports the key frames of the wanted animations; a node that an earlier channel moves stays as
+/// it is.
 void import_animations(const aiScene& from, const NodeNames& nodes, const std::string& wanted,
                        SceneDescription& scene) {
   const std::span animations(from.mAnimations, from.mNumAnimations);
   std::vector<std::string> names;
   for (const aiAnimation* one : animations) names.emplace_back(one->mName.C_Str());
   scene.animations = select(names, wanted, "animation", scene.source, 0);
-  AnimationImport import(scene);
-  for (size_t n = 0; n < names.size(); ++n)
-    if (scene.animations.takes(n)) import.add(*animations[n], nodes);
-  import.finish();
+  size_t all = 0, dropped = 0;
+  const auto read = [&](const auto& keys, double ticks_per_second, Node& node, auto& channel) {
+    if ((all += keys.size()) > kMaxKeys)
+      refuse(scene.source, fmt::format("more than {} key frames", kMaxKeys));
+    for (const auto& key : keys) {
+      const double seconds = key.mTime / ticks_per_second;
+      const auto value = value_of(key);
+      if (!(std::abs(seconds) <= kLongestSeconds) || !is_finite(value))
+        refuse(scene.source,
+               fmt::format("node '{}' has a key frame that is not finite", node.name));
+      if (!channel.times.empty() && seconds <= channel.times.back()) {
+        ++dropped;
+        continue;
+      }
+      channel.times.push_back(seconds);
+      channel.values.push_back(value);
+      scene.duration_seconds = std::max(scene.duration_seconds, seconds);
+      node.animated = true;
+    }
+  };
+  for (size_t n = 0; n < names.size(); ++n) {
+    if (!scene.animations.takes(n)) continue;
+    const double stated = animations[n]->mTicksPerSecond;
+    const double ticks_per_second =
+        std::isfinite(stated) && stated > 0.0 ? stated : kTicksPerSecondUnlessStated;
+    for (const aiNodeAnim* moves :
+         std::span(animations[n]->mChannels, animations[n]->mNumChannels)) {
+      const auto found = nodes.find(moves->mNodeName.C_Str());
+      if (found == nodes.end()) continue;
+      Node& node = scene.nodes[static_cast<size_t>(found->second)];
+      if (node.animated) continue;
+      read(std::span(moves->mPositionKeys, moves->mNumPositionKeys), ticks_per_second, node,
+           node.translations);
+      read(std::span(moves->mRotationKeys, moves->mNumRotationKeys), ticks_per_second, node,
+           node.rotations);
+      read(std::span(moves->mScalingKeys, moves->mNumScalingKeys), ticks_per_second, node,
+           node.scales);
+    }
+  }
+  if (dropped > 0)
+    scene.notes.push_back(fmt::format("{} key frames out of order dropped", dropped));
 }
 
 // ---- lights
@@ -653,12 +633,6 @@ void import_cameras(const aiScene& from, const NodeNames& nodes, SceneDescriptio
     scene.cameras.push_back(to);
   }
   if (unusable > 0) scene.notes.push_back(fmt::format("{} unusable cameras left out", unusable));
-}
-
-/// Throws Error(Input) with the mesh and the vertex or face that is invalid.
-void check_meshes(const aiScene& from, const std::string& source) {
-  for (unsigned i = 0; i < from.mNumMeshes; ++i)
-    check_mesh(*from.mMeshes[i], label_of(*from.mMeshes[i], i), source);
 }
 
 SceneDescription import_scene(const aiScene& from, const std::filesystem::path& file,

@@ -7,7 +7,6 @@
 #include <limits>
 #include <utility>
 
-#include "base/error.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"

@@ -3,9 +3,7 @@
 // (split sum: Karis, "Real Shading in Unreal Engine 4", 2013).
 #pragma once
 
-#include <cstdint>
 #include <functional>
-#include <memory>
 #include <vector>
 
 #include "optics/vec.h"

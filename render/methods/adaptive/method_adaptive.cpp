@@ -28,11 +28,9 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <memory>
-#include <numbers>
 #include <optional>
 #include <span>
 #include <utility>

@@ -4,10 +4,10 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <numbers>
 #include <vector>
 
 #include "base/interval.h"
@@ -15,7 +15,6 @@
 #include "render/row_sweep/row_planes.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_fingerprint.h"
-#include "render/scene/stage.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {
