@@ -87,7 +87,6 @@ struct RowPlane {
 /// PlaneRays holds the rays of one plane, ordered by lens and from left to right under each lens.
 /// Valid elements are [first, end).
 struct PlaneRays {
-  RowPlane plane;
   size_t first = 0;
   size_t end = 0;
   std::vector<float> x_mm;  ///< position on the panel
@@ -164,7 +163,6 @@ class RowPlanes {
     /// leave the panel outside `within_mm` may be left out.
     void make(int row, size_t plane, PlaneRays& out, const Interval& within_mm = kEverywhere) {
       LENTICULE_CHECK(row >= 0 && row < planes_.rows() && plane < planes_.planes_of(row));
-      out.plane = planes_.plane_of(row, plane);
       if (!planes_.smooth_ || !make_smooth(row, out, within_mm)) make_exact(row, plane, out);
     }
     /// Ray of one subpixel.
