@@ -119,8 +119,10 @@ struct Place {
     frames::WovenFrame frame;
     RenderStatistics statistics;
   };
-  [[nodiscard]] Rendered render(Method& method, const SceneDescription& description) const {
-    const Scene scene(description, stage, {}, 1);
+  /// Embree limits the threads of the process to those that commit the scene.
+  [[nodiscard]] Rendered render(Method& method, const SceneDescription& description,
+                                int threads) const {
+    const Scene scene(description, stage, {}, threads);
     Rendered out{frames::WovenFrame({of.panel.width_px, of.panel.height_px}), {}};
     out.statistics = method.render(scene, stage, out.frame);
     EXPECT_TRUE(out.statistics.completed);
@@ -128,7 +130,7 @@ struct Place {
   }
   [[nodiscard]] Rendered render(const std::string& method, const SceneDescription& description,
                                 const RenderOptions& options) const {
-    return render(*make_method(method, model, options), description);
+    return render(*make_method(method, model, options), description, options.threads);
   }
 };
 
@@ -209,7 +211,7 @@ TEST(AdaptiveMaterials, DoNotDependOnEarlierFrames) {
     for (int seed = 0; seed < 4; ++seed) {
       SceneDescription scene = Random(seed).scene();
       for (int frame = 0; frame < 2; ++frame) {
-        EXPECT_EQ(place.render(*sequence, scene).frame,
+        EXPECT_EQ(place.render(*sequence, scene, options.threads).frame,
                   place.render("adaptive", scene, options).frame)
             << seed << ", " << frame;
         if (!scene.spheres.empty()) scene.spheres.front().centre.x += 0.1;

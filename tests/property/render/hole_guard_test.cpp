@@ -89,7 +89,7 @@ struct Fans {
 RenderStatistics render(const SceneDescription& description, int threads,
                         frames::WovenFrame& frame) {
   const optics::OpticalModel model(rig());
-  const Scene scene(description, stage(), {}, 1);
+  const Scene scene(description, stage(), {}, threads);
   return make_method("full", model, {.threads = threads, .cancelled = {}})
       ->render(scene, stage(), frame);
 }

@@ -32,7 +32,7 @@ frames::WovenFrame rendered(const SceneDescription& description, const optics::R
                             const Stage& stage = stage_of(), const RenderOptions& options = {},
                             const std::string& method = "full") {
   const optics::OpticalModel model(rig);
-  const Scene scene(description, stage, {}, 1);
+  const Scene scene(description, stage, {}, options.threads);
   frames::WovenFrame frame({rig.panel.width_px, rig.panel.height_px});
   EXPECT_TRUE(make_method(method, model, options)->render(scene, stage, frame).completed);
   return frame;

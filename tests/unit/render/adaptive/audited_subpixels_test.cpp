@@ -30,7 +30,8 @@ Rendered rendered(const std::string& method, const SceneDescription& description
                   const optics::Rig& rig, const RenderOptions& options) {
   const optics::OpticalModel model(rig);
   const Stage stage = make_tiny_stage();
-  const Scene scene(description, stage, {}, 1);
+  // Embree limits the threads of the process to those that commit the scene.
+  const Scene scene(description, stage, {}, options.threads);
   Rendered out{frames::WovenFrame({rig.panel.width_px, rig.panel.height_px}), {}};
   out.statistics = make_method(method, model, options)->render(scene, stage, out.frame);
   EXPECT_TRUE(out.statistics.completed);

@@ -96,10 +96,13 @@ void stir(SceneDescription& scene, std::mt19937_64& random) {
 class Frames {
  public:
   Frames(const std::string& method, RenderOptions options)
-      : model_(rig_), method_(make_method(method, model_, keeping(std::move(options)))) {}
+      : threads_(options.threads),
+        model_(rig_),
+        method_(make_method(method, model_, keeping(std::move(options)))) {}
 
   frames::WovenFrame render(const SceneDescription& description) {
-    const Scene scene(description, stage_, {}, 1);
+    // Embree limits the threads of the process to those that commit the scene.
+    const Scene scene(description, stage_, {}, threads_);
     frames::WovenFrame frame({rig_.panel.width_px, rig_.panel.height_px});
     statistics = method_->render(scene, stage_, frame);
     return frame;
@@ -111,6 +114,7 @@ class Frames {
     options.copy_unchanged = true;
     return options;
   }
+  int threads_;
   optics::Rig rig_ = wide_rig();
   optics::OpticalModel model_;
   Stage stage_ = make_tiny_stage();
