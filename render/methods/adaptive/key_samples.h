@@ -35,36 +35,20 @@
 
 namespace lenticule::render {
 
-/// ZeroedArray holds elements whose bytes are zero at first. Large arrays are pages of the kernel
-/// that cost nothing until an element is accessed.
-template <class Element>
-class ZeroedArray {
-  static_assert(std::is_trivially_copyable_v<Element>);
-
- public:
-  ZeroedArray() = default;
-  /// Throws std::bad_alloc.
-  explicit ZeroedArray(size_t size)
-      : elements_(static_cast<Element*>(std::calloc(std::max<size_t>(size, 1), sizeof(Element)))),
-        size_(size) {
-    if (!elements_) throw std::bad_alloc();
-  }
-
-  [[nodiscard]] Element* data() { return elements_.get(); }
-  [[nodiscard]] const Element* data() const { return elements_.get(); }
-  [[nodiscard]] Element* begin() { return data(); }
-  [[nodiscard]] const Element* begin() const { return data(); }
-  [[nodiscard]] Element* end() { return data() + size_; }
-  [[nodiscard]] Element& operator[](size_t n) { return elements_.get()[n]; }
-  [[nodiscard]] const Element& operator[](size_t n) const { return elements_.get()[n]; }
-
- private:
-  struct Free {
-    void operator()(Element* elements) const { std::free(elements); }
-  };
-  std::unique_ptr<Element, Free> elements_;
-  size_t size_ = 0;
+struct Free {
+  void operator()(void* memory) const { std::free(memory); }
 };
+template <class Element>
+using ZeroedArray = std::unique_ptr<Element[], Free>;
+
+/// Makes elements whose bytes are zero at first. Large arrays are pages of the kernel that cost
+/// nothing until an element is accessed. Throws std::bad_alloc.
+template <class Element>
+void make_zeroed(size_t size, ZeroedArray<Element>& out) {
+  static_assert(std::is_trivially_copyable_v<Element>);
+  out.reset(static_cast<Element*>(std::calloc(size, sizeof(Element))));
+  if (!out) throw std::bad_alloc();
+}
 
 /// Ranges of a rig's rays on the panel and on the viewing line.
 struct RayReach {
@@ -277,17 +261,16 @@ class KeySamples {
     row_samples_ = grid.row_samples();
     const size_t count = row_samples_ * static_cast<size_t>(rows_);
     // The padding of the rows stays zero.
-    values_ = ZeroedArray<uint16_t>(3 * count);
-    groups_ = ZeroedArray<uint32_t>(count);
-    ways_ = ZeroedArray<uint32_t>(count);
-    lights_ = ZeroedArray<Light>(count);
-    for (auto* flags : {&bends_, &filled_, &changed_}) *flags = ZeroedArray<uint8_t>(count);
+    make_zeroed(3 * count, values_);
+    for (auto* numbers : {&groups_, &ways_}) make_zeroed(count, *numbers);
+    make_zeroed(count, lights_);
+    for (auto* flags : {&bends_, &filled_, &changed_}) make_zeroed(count, *flags);
   }
 
   /// Starts change detection: from now on, a sample that is set to a different value counts as
   /// changed.
   void watch_changes() {
-    std::fill(changed_.begin(), changed_.end(), uint8_t{0});
+    std::fill_n(changed_.get(), row_samples_ * static_cast<size_t>(rows_), uint8_t{0});
     watches_changes_ = true;
   }
 
@@ -421,17 +404,15 @@ class KeySamples {
   /// Return true if a sample or its bend mark has changed since watch_changes(): in the cell whose
   /// upper left corner has the given index in its row, or in whole rows.
   [[nodiscard]] bool cell_changed(int row, size_t in_row) const {
-    const uint8_t* above = changed_.data() + static_cast<size_t>(row) * row_samples_ + in_row;
+    const uint8_t* above = changed_.get() + static_cast<size_t>(row) * row_samples_ + in_row;
     const uint8_t* below = above + row_samples_;
     return (above[0] | above[1] | below[0] | below[1]) != 0;
   }
 
   [[nodiscard]] bool rows_changed(int first, int last) const {
-    const auto begin =
-        changed_.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(first) * row_samples_);
-    const auto end = changed_.begin() +
-                     static_cast<std::ptrdiff_t>(static_cast<size_t>(last + 1) * row_samples_);
-    return std::any_of(begin, end, [](uint8_t changed) { return changed != 0; });
+    return std::any_of(changed_.get() + static_cast<size_t>(first) * row_samples_,
+                       changed_.get() + static_cast<size_t>(last + 1) * row_samples_,
+                       [](uint8_t changed) { return changed != 0; });
   }
 
   /// Computes the keys and corners of the cells between rows `row` and `row` + 1 of a view, see
@@ -538,7 +519,7 @@ class KeySamples {
     if (*odd != kNoCorner && !even) return 0;
     int most = 0;
     for (size_t c = 0; c < 3; ++c) {
-      const uint16_t* above = values_.data() + value + c * row_samples_;
+      const uint16_t* above = values_.get() + value + c * row_samples_;
       const uint16_t* below = above + 3 * row_samples_;
       std::array<uint16_t, 4> codes = {above[0], above[1], below[0], below[1]};
       if (*odd != kNoCorner) codes[*odd] = continued(codes, *odd);
@@ -551,7 +532,7 @@ class KeySamples {
 
   /// Returns true if the four coarse samples around a place show one surface, or all nothing.
   [[nodiscard]] bool show_one_group(int top, size_t in_row, int left) const {
-    const uint32_t* above = groups_.data() + static_cast<size_t>(top) * row_samples_ + in_row +
+    const uint32_t* above = groups_.get() + static_cast<size_t>(top) * row_samples_ + in_row +
                             static_cast<size_t>(left);
     const uint32_t* below = above + kCoarse * row_samples_;
     return above[kCoarse] == above[0] && below[0] == above[0] && below[kCoarse] == above[0];
