@@ -41,14 +41,6 @@ std::optional<JsonAt> JsonAt::extension(const char* name) const {
   return extensions ? extensions->find(name) : std::nullopt;
 }
 
-std::vector<std::string> JsonAt::keys() const {
-  if (!value_->is_object()) fail("not an object");
-  std::vector<std::string> names;
-  for (auto member = value_->begin(); member != value_->end(); ++member)
-    names.push_back(member.key());
-  return names;
-}
-
 size_t JsonAt::size() const {
   if (!value_->is_array()) fail("not an array");
   return value_->size();
@@ -95,36 +87,11 @@ size_t JsonAt::index(size_t count, const char* items) const {
   return static_cast<size_t>(value);
 }
 
-double JsonAt::number(const char* key, double otherwise) const {
-  const auto member = find(key);
-  return member ? member->number() : otherwise;
-}
-
-double JsonAt::number_within(const char* key, double otherwise, double low, double high) const {
-  return std::clamp(number(key, otherwise), low, high);
-}
-
-uint64_t JsonAt::whole(const char* key, uint64_t otherwise) const {
-  const auto member = find(key);
-  return member ? member->whole() : otherwise;
-}
-
-std::string JsonAt::text(const char* key, const std::string& otherwise) const {
-  const auto member = find(key);
-  return member ? member->text() : otherwise;
-}
-
 bool JsonAt::flag(const char* key, bool otherwise) const {
   const auto member = find(key);
   if (!member) return otherwise;
   if (!member->value_->is_boolean()) member->fail("neither true nor false");
   return member->value_->get<bool>();
-}
-
-std::optional<size_t> JsonAt::find_index(const char* key, size_t count, const char* items) const {
-  const auto member = find(key);
-  if (!member) return std::nullopt;
-  return member->index(count, items);
 }
 
 std::optional<std::vector<double>> JsonAt::numbers(const char* key, size_t count) const {

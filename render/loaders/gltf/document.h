@@ -35,8 +35,6 @@ class JsonAt {
   [[nodiscard]] JsonAt at(const char* key) const;
   /// Returns the object of an extension, or nothing if it is absent.
   [[nodiscard]] std::optional<JsonAt> extension(const char* name) const;
-  /// Returns the names of the members of this object.
-  [[nodiscard]] std::vector<std::string> keys() const;
 
   /// Returns the number of elements of this array.
   [[nodiscard]] size_t size() const;
@@ -50,15 +48,29 @@ class JsonAt {
   /// Returns this whole number if it is less than `count`, the number of `items`.
   [[nodiscard]] size_t index(size_t count, const char* items) const;
 
-  [[nodiscard]] double number(const char* key, double otherwise) const;
+  [[nodiscard]] double number(const char* key, double otherwise) const {
+    const auto member = find(key);
+    return member ? member->number() : otherwise;
+  }
   /// Returns a number limited to [low, high].
   [[nodiscard]] double number_within(const char* key, double otherwise, double low,
-                                     double high) const;
-  [[nodiscard]] uint64_t whole(const char* key, uint64_t otherwise) const;
-  [[nodiscard]] std::string text(const char* key, const std::string& otherwise) const;
+                                     double high) const {
+    return std::clamp(number(key, otherwise), low, high);
+  }
+  [[nodiscard]] uint64_t whole(const char* key, uint64_t otherwise) const {
+    const auto member = find(key);
+    return member ? member->whole() : otherwise;
+  }
+  [[nodiscard]] std::string text(const char* key, const std::string& otherwise) const {
+    const auto member = find(key);
+    return member ? member->text() : otherwise;
+  }
   [[nodiscard]] bool flag(const char* key, bool otherwise) const;
   [[nodiscard]] std::optional<size_t> find_index(const char* key, size_t count,
-                                                 const char* items) const;
+                                                 const char* items) const {
+    const auto member = find(key);
+    return member ? std::optional(member->index(count, items)) : std::nullopt;
+  }
   /// Returns an array of exactly `count` numbers, or nothing if it is absent.
   [[nodiscard]] std::optional<std::vector<double>> numbers(const char* key, size_t count) const;
   [[nodiscard]] Vec3 vector(const char* key, Vec3 otherwise) const;
