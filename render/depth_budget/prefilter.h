@@ -45,17 +45,14 @@ class DepthOfField {
  public:
   explicit DepthOfField(const optics::OpticalModel& model);
 
-  /// Returns g P, millimetres in front of and behind the panel: the depth of field of rays
-  /// perpendicular to the panel.
-  [[nodiscard]] double straight_mm() const { return straight_mm_; }
-  /// Returns the depth of field along a ray in direction (tan_x, tan_y, 1). Tangents above 1 count
-  /// as 1.
+  /// Returns the depth of field along a ray in direction (tan_x, tan_y, 1), millimetres in front of
+  /// and behind the panel. Tangents above 1 count as 1.
   [[nodiscard]] double along_mm(double tan_x, double tan_y) const;
   /// Returns a lower bound for all rays.
   [[nodiscard]] double least_mm() const;
 
  private:
-  double straight_mm_;
+  double straight_mm_;  ///< g P: that of rays perpendicular to the panel
   double kappa_;
 };
 

@@ -48,7 +48,6 @@ class TextReader {
 
   /// Returns the line of the last word.
   [[nodiscard]] int line() const { return line_; }
-  [[nodiscard]] const std::string& source() const { return source_; }
   [[noreturn]] void fail(const std::string& reason, const std::string& hint = {}) const;
   [[noreturn]] void fail_at(int line, const std::string& reason,
                             const std::string& hint = {}) const;

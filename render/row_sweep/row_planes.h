@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
@@ -196,8 +197,33 @@ class RowPlanes {
       if (out.first + 1 < out.end) ++out.first;
       return true;
     }
-    [[nodiscard]] sweep_kernel::RowPiece piece(size_t tile) const {
-      return piece_of(*planes_.smooth_, tiles_[tile], static_cast<size_t>(in_band_));
+    /// Returns a row of a tile.
+    [[nodiscard]] sweep_kernel::RowPiece piece(size_t number) const {
+      const TileOptics& rig = *planes_.smooth_;
+      const TileOptics::Tile& tile = tiles_[number];
+      const auto r = static_cast<size_t>(in_band_);
+      sweep_kernel::RowPiece piece{};
+      for (size_t colour = 0; colour < 3; ++colour) {
+        for (size_t n = 0; n < 3; ++n) {
+          piece.phase[colour][n] = tile.phase[colour][n][r];
+          piece.bend[colour][n] = tile.bend[colour][n][r];
+        }
+        piece.x0[colour] = static_cast<float>(tile.x0_mm[colour][r]);
+      }
+      const auto same = [&](const auto& a, const auto& b) { return std::equal(a, a + 3, b); };
+      piece.colours_alike =
+          same(piece.phase[0], piece.phase[1]) && same(piece.phase[0], piece.phase[2]) &&
+          same(piece.bend[0], piece.bend[1]) && same(piece.bend[0], piece.bend[2]) &&
+          piece.x0[0] == piece.x0[1] && piece.x0[0] == piece.x0[2];
+      piece.coefficients = rig.coefficients();
+      for (size_t n = 0; n < static_cast<size_t>(piece.coefficients); ++n)
+        piece.tangent[n] = tile.tangent[n][r];
+      for (size_t n = 0; n < TileOptics::kShiftCoefficients; ++n)
+        piece.shift[n] = tile.shift_mm[n][r];
+      piece.lens_step = static_cast<float>(rig.lens_step());
+      piece.x_step = static_cast<float>(rig.x_step_mm());
+      piece.safe = static_cast<float>(0.5 - rig.phase_error());
+      return piece;
     }
     /// Tiles [begin, end) whose rays may leave the panel in a range.
     struct Tiles {
@@ -258,25 +284,23 @@ class RowPlanes {
         planes_.evaluator_.evaluate(row, 0, planes_.model_.rig().panel.width_px, rays_);
       evaluated_row_ = row;
       const LayoutRow& layout = planes_.layout_row(row);
-      order_.clear();
+      out.subpixel.clear();
       for (size_t s = 0, in_period = 0; s < planes_.row_subpixels(); ++s) {
-        if (layout.plane[in_period] == plane) order_.push_back(static_cast<int32_t>(s));
+        if (layout.plane[in_period] == plane) out.subpixel.push_back(static_cast<int32_t>(s));
         in_period = in_period + 1 < layout.plane.size() ? in_period + 1 : 0;
       }
-      const auto lens_of = [&](int32_t s) { return rays_.lens[static_cast<size_t>(s)]; };
-      const auto before = [&](int32_t a, int32_t b) {
-        return lens_of(a) < lens_of(b) || (lens_of(a) == lens_of(b) && a < b);
+      const auto place = [&](int32_t s) {
+        return std::pair(rays_.lens[static_cast<size_t>(s)], s);
       };
-      if (!std::is_sorted(order_.begin(), order_.end(), before))
-        std::sort(order_.begin(), order_.end(), before);
+      if (!std::ranges::is_sorted(out.subpixel, {}, place))
+        std::ranges::sort(out.subpixel, {}, place);
       out.first = 0;
-      out.end = order_.size();
-      out.subpixel = order_;
+      out.end = out.subpixel.size();
       out.x_mm.resize(out.end);
       out.tan_x.resize(out.end);
       out.lens.resize(out.end);
       for (size_t n = 0; n < out.end; ++n) {
-        const auto s = static_cast<size_t>(order_[n]);
+        const auto s = static_cast<size_t>(out.subpixel[n]);
         out.x_mm[n] = static_cast<float>(rays_.lens_x_mm[s]);
         out.tan_x[n] = static_cast<float>(rays_.tan_x[s]);
         out.lens[n] = rays_.lens[s];
@@ -290,7 +314,6 @@ class RowPlanes {
     bool band_smooth_ = false;
     optics::RowRays rays_;
     int evaluated_row_ = -1;
-    std::vector<int32_t> order_;
   };
 
  private:
@@ -305,32 +328,6 @@ class RowPlanes {
     return LENTICULE_SELECT_KERNEL(isa, kSweepKernel);
   }
 
-  /// Returns one row of a tile.
-  static sweep_kernel::RowPiece piece_of(const TileOptics& rig, const TileOptics::Tile& tile,
-                                         size_t r) {
-    sweep_kernel::RowPiece piece{};
-    for (size_t colour = 0; colour < 3; ++colour) {
-      for (size_t n = 0; n < 3; ++n) {
-        piece.phase[colour][n] = tile.phase[colour][n][r];
-        piece.bend[colour][n] = tile.bend[colour][n][r];
-      }
-      piece.x0[colour] = static_cast<float>(tile.x0_mm[colour][r]);
-    }
-    const auto same = [&](const auto& a, const auto& b) { return std::equal(a, a + 3, b); };
-    piece.colours_alike =
-        same(piece.phase[0], piece.phase[1]) && same(piece.phase[0], piece.phase[2]) &&
-        same(piece.bend[0], piece.bend[1]) && same(piece.bend[0], piece.bend[2]) &&
-        piece.x0[0] == piece.x0[1] && piece.x0[0] == piece.x0[2];
-    piece.coefficients = rig.coefficients();
-    for (size_t n = 0; n < static_cast<size_t>(piece.coefficients); ++n)
-      piece.tangent[n] = tile.tangent[n][r];
-    for (size_t n = 0; n < TileOptics::kShiftCoefficients; ++n)
-      piece.shift[n] = tile.shift_mm[n][r];
-    piece.lens_step = static_cast<float>(rig.lens_step());
-    piece.x_step = static_cast<float>(rig.x_step_mm());
-    piece.safe = static_cast<float>(0.5 - rig.phase_error());
-    return piece;
-  }
   /// LayoutRow is a row of the layout: its distinct heights, and the height index of each subpixel
   /// of a period.
   struct LayoutRow {

@@ -20,13 +20,12 @@ class SurfaceGroups {
 
   explicit SurfaceGroups(const Scene& scene);
 
-  /// Returns the group of a primitive, given Embree's geometry and primitive numbers.
+  /// Returns the group of a primitive, given Embree's geometry and primitive numbers. It is odd if
+  /// the colour of a surface point may depend on the viewpoint: the surface is reflective, has
+  /// highlights or is transparent.
   [[nodiscard]] uint32_t of(uint32_t geometry, uint32_t primitive) const {
     return groups_[first_[geometry] + primitive];
   }
-  /// Returns true if the colour of a surface point may depend on the viewpoint: the surface is
-  /// reflective, has highlights or is transparent.
-  [[nodiscard]] static constexpr bool depends_on_view(uint32_t group) { return (group & 1U) != 0; }
   [[nodiscard]] static constexpr bool lets_light_through(uint32_t group) {
     return (group & 2U) != 0;
   }

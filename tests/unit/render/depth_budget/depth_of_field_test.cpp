@@ -15,7 +15,6 @@ using test::make_rig;
 TEST(DepthOfField, StraightAheadIsGapTimesPitch) {
   const optics::OpticalModel model(make_rig({}));
   const DepthOfField field(model);
-  EXPECT_DOUBLE_EQ(field.straight_mm(), model.depth_of_field_mm());
   EXPECT_DOUBLE_EQ(field.along_mm(0.0, 0.0), model.depth_of_field_mm());
 }
 
