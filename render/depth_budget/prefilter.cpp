@@ -102,12 +102,6 @@ constexpr int kColours = 3;
 /// Largest number of neighbours to each side: enough for sheets with very many subpixels per lens.
 constexpr int kFarthestNeighbour = 8;
 
-/// Disables weak-ray skipping, which is valid for a single ray per subpixel but not for a sum.
-RenderOptions for_sums(RenderOptions options) {
-  options.skip_weak_rays = false;
-  return options;
-}
-
 }  // namespace
 
 DepthPrefilter::DepthPrefilter(const optics::OpticalModel& model, const TilePlan& plan,
@@ -115,11 +109,13 @@ DepthPrefilter::DepthPrefilter(const optics::OpticalModel& model, const TilePlan
     : plan_(plan),
       depth_of_field_(model),
       least_depth_of_field_mm_(depth_of_field_.least_mm()),
-      options_(for_sums(options)),
+      options_(options),
       everything_(options.prefilter == Prefilter::Beam),
       distance_mm_(model.rig().viewing.distance.value),
       reach_(std::clamp(static_cast<int>(std::ceil(model.rig().sheet.pitch.value / kColours)), 1,
                         kFarthestNeighbour)) {
+  // The rule for weak rays is valid for a single ray per subpixel, but not for a sum.
+  options_.skip_weak_rays = false;
   // Covers all results of beam_rays().
   for (double depth = 0.0; depth < 2.0 * options.prefilter_samples; depth += 0.5)
     beams_.try_emplace(beam_rays(depth, options.prefilter_samples));

@@ -37,10 +37,6 @@ constexpr std::array kPieceColumns{TilePlan::kColumns, TilePlan::kColumns / 2,
                                    TilePlan::kColumns / 4};
 static_assert(kPieceColumns.back() % 3 == 0);
 
-const packet_kernel::Kernel& kernel_for(Isa isa) {
-  return LENTICULE_SELECT_KERNEL(isa, kPacketKernel);
-}
-
 std::array<int, TilePlan::kRows> shifts_of(const TilePlan& plan) {
   std::array<int, TilePlan::kRows> shifts{};
   for (int row = 0; row < TilePlan::kRows; ++row)
@@ -82,7 +78,7 @@ PrimaryPackets::PrimaryPackets(const optics::OpticalModel& model, const TilePlan
     : plan_(plan),
       exact_(model, plan),
       optics_(TileOptics::make_first(model, kPieceColumns, shifts_of(plan))),
-      kernel_(kernel_for(isa)) {}
+      kernel_(LENTICULE_SELECT_KERNEL(isa, kPacketKernel)) {}
 
 PrimaryPackets::Maker::Maker(const PrimaryPackets& packets) : packets_(packets) {
   if (packets.optics_)

@@ -104,7 +104,7 @@ class RowPlanes {
   /// Throws Error(Usage) for an instruction set that this machine does not support. Lifetime: the
   /// model must outlive the object.
   explicit RowPlanes(const optics::OpticalModel& model, Isa isa = best_isa())
-      : model_(model), kernel_(kernel_for(isa)), evaluator_(model, isa) {
+      : model_(model), kernel_(LENTICULE_SELECT_KERNEL(isa, kSweepKernel)), evaluator_(model, isa) {
     const optics::Eye& eye = model.design_eye();
     const bool parallel = std::isinf(eye.z_mm);
     inverse_z_ = parallel ? 0.0 : 1.0 / eye.z_mm;
@@ -323,10 +323,6 @@ class RowPlanes {
 
   static_assert(sweep_kernel::kMostCoefficients == TileOptics::kMostCoefficients &&
                 sweep_kernel::kShiftCoefficients == TileOptics::kShiftCoefficients);
-
-  static const sweep_kernel::Kernel& kernel_for(Isa isa) {
-    return LENTICULE_SELECT_KERNEL(isa, kSweepKernel);
-  }
 
   /// LayoutRow is a row of the layout: its distinct heights, and the height index of each subpixel
   /// of a period.

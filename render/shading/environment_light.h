@@ -44,12 +44,11 @@ class EnvironmentLight {
     std::vector<Vec3f> texels{};  ///< one more, since kernels read four numbers of each
 
     explicit Map(int side);
-    [[nodiscard]] Vec3f& texel(int x, int y) {
-      return texels[static_cast<size_t>((y + 1) * (size + 2) + x + 1)];
+    [[nodiscard]] size_t index(int x, int y) const {
+      return static_cast<size_t>((y + 1) * (size + 2) + x + 1);
     }
-    [[nodiscard]] const Vec3f& texel(int x, int y) const {
-      return texels[static_cast<size_t>((y + 1) * (size + 2) + x + 1)];
-    }
+    [[nodiscard]] Vec3f& texel(int x, int y) { return texels[index(x, y)]; }
+    [[nodiscard]] const Vec3f& texel(int x, int y) const { return texels[index(x, y)]; }
     /// Interpolates at a place in the square; both coordinates are between 0 and 1.
     [[nodiscard]] Vec3 at(Vec2 place) const;
     [[nodiscard]] Map halved() const;

@@ -786,10 +786,6 @@ class AdaptiveWorker {
 
 // ---- the method
 
-const lookup_kernel::Kernel& lookup_kernel_for(Isa isa) {
-  return LENTICULE_SELECT_KERNEL(isa, kLookupKernel);
-}
-
 /// Returns true if all subpixels of a row have one height, as with vertical stripes.
 bool one_plane_a_row(const RowPlanes& planes) {
   for (int row = 0; row < planes.rows(); ++row)
@@ -873,7 +869,7 @@ class AdaptiveMethod final : public Method {
               *full_tiles_,
               full_tiles_->plan(),
               centre_,
-              lookup_kernel_for(options.isa),
+              LENTICULE_SELECT_KERNEL(options.isa, kLookupKernel),
               Tolerances::for_error(options.tolerated_error),
               selection_for(subpixels_of(planes_), options),
               most_mean_square(options)},
