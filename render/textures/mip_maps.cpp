@@ -136,26 +136,19 @@ MipMaps::MipMaps(std::shared_ptr<const Texture> texture, Content content)
       kernel_(LENTICULE_SELECT_KERNEL(best_isa(), kTexelKernel)),
       colour_of_code_(content == Content::Colour ? frames::linear_of_codes().data()
                                                  : share_of_codes().data()) {
-  for (LevelView last = level(0); last.width > 1 || last.height > 1; last = level(levels_.size()))
-    levels_.push_back(halved(last));
-  for (size_t number = 0; number <= levels_.size(); ++number) {
-    const LevelView view = level(number);
-    views_.push_back(
-        {.codes = view.codes, .values = view.values, .is_first = view.is_first ? 1 : 0});
+  const auto add_view = [&](int width, int height, const auto& codes, const auto& values) {
+    views_.push_back({width, height, codes.empty() ? nullptr : codes.data(), values.data(),
+                      views_.empty() ? 1 : 0});
+  };
+  add_view(texture_->width, texture_->height, texture_->codes, texture_->rgba);
+  while (views_.back().width > 1 || views_.back().height > 1) {
+    const Level& level = levels_.emplace_back(halved(views_.back()));
+    add_view(level.width, level.height, level.codes, level.values);
   }
   views_.push_back(views_.back());
 }
 
-MipMaps::LevelView MipMaps::level(size_t number) const {
-  if (number == 0)
-    return {texture_->width, texture_->height,
-            texture_->codes.empty() ? nullptr : texture_->codes.data(), texture_->rgba.data(),
-            true};
-  const Level& l = levels_[number - 1];
-  return {l.width, l.height, l.codes.empty() ? nullptr : l.codes.data(), l.values.data(), false};
-}
-
-Value MipMaps::texel(const LevelView& from, int x, int y) const {
+Value MipMaps::texel(const texel_kernel::Level& from, int x, int y) const {
   const size_t at =
       4 * (static_cast<size_t>(y) * static_cast<size_t>(from.width) + static_cast<size_t>(x));
   Value value;
@@ -170,7 +163,7 @@ Value MipMaps::texel(const LevelView& from, int x, int y) const {
   const Vec3 vector{2.0 * value[0] - 1.0, 2.0 * value[1] - 1.0, 2.0 * value[2] - 1.0};
   const double size = length(vector);
   // The levels store the root, since 1 - length is small.
-  const double held = from.is_first ? 1.0 : 1.0 - value[3] * value[3];
+  const double held = from.is_first != 0 ? 1.0 : 1.0 - value[3] * value[3];
   const Vec3 scaled = size > 0.0 ? vector * (held / size) : Vec3{0, 0, held};
   return {scaled.x, scaled.y, scaled.z, 0.0};
 }
@@ -192,7 +185,7 @@ void MipMaps::store(const Value& value, size_t index, Level& to) const {
   }
 }
 
-MipMaps::Level MipMaps::halved(const LevelView& from) const {
+MipMaps::Level MipMaps::halved(const texel_kernel::Level& from) const {
   Level to{.width = std::max(1, from.width / 2), .height = std::max(1, from.height / 2)};
   const size_t values = 4 * static_cast<size_t>(to.width) * static_cast<size_t>(to.height);
   if (from.codes != nullptr)
@@ -252,8 +245,8 @@ void MipMaps::find(Vec2 at, const TextureFootprint& footprint, TextureLookup& lo
   const Vec2 axis = is_long ? Vec2{area.major_axis.x * area.major / shape_.width,
                                    area.major_axis.y * area.major / shape_.height}
                             : Vec2{};
-  const LevelView fine = level(lookup.fine);
-  const LevelView coarse = level(std::min(lookup.fine + 1, levels_.size()));
+  const texel_kernel::Level& fine = views_[lookup.fine];
+  const texel_kernel::Level& coarse = views_[lookup.fine + 1];
   kernel_.find({.middle = {at.x, at.y},
                 .length = {axis.x, axis.y},
                 .repeat = {shape_.repeat_u, shape_.repeat_v},

@@ -67,19 +67,9 @@ class MipMaps {
     std::vector<uint8_t> codes{};
     std::vector<float> values{};
   };
-  /// LevelView reads the texture itself or a level.
-  struct LevelView {
-    int width;
-    int height;
-    const uint8_t* codes;
-    const float* values;
-    bool is_first;
-  };
-
-  [[nodiscard]] LevelView level(size_t number) const;
   /// Returns a texel in the form that can be averaged.
-  [[nodiscard]] Value texel(const LevelView& from, int x, int y) const;
-  [[nodiscard]] Level halved(const LevelView& from) const;
+  [[nodiscard]] Value texel(const texel_kernel::Level& from, int x, int y) const;
+  [[nodiscard]] Level halved(const texel_kernel::Level& from) const;
   void store(const Value& value, size_t index, Level& to) const;
   [[nodiscard]] double depth_of(double width) const;
 
@@ -89,7 +79,7 @@ class MipMaps {
   const texel_kernel::Kernel& kernel_;
   const double* colour_of_code_;  ///< numbers of the 256 codes, for RGB
   std::vector<Level> levels_;
-  std::vector<texel_kernel::Level> views_;  ///< all levels, the last one twice
+  std::vector<texel_kernel::Level> views_;  ///< the texture and its levels, the last one twice
 };
 
 }  // namespace lenticule::render

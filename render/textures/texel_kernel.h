@@ -21,6 +21,7 @@ enum class Content : int32_t { Colour, Data, Normals };
 /// Level is one level of a texture, with four channels per texel: 8-bit codes or, if these are
 /// null, values.
 struct Level {
+  int32_t width, height;
   const uint8_t* codes;
   const float* values;
   int32_t is_first;  ///< 1 for the texture itself, else 0
