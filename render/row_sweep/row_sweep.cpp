@@ -122,6 +122,7 @@ void PlaneCells::set_extremes() {
 
 namespace {
 
+using sweep_kernel::PlaneForm;
 using sweep_kernel::Reach;
 using sweep_kernel::Segment;
 
@@ -200,15 +201,6 @@ Segment segment_of(const CutEnd& a, const CutEnd& b, double start) {
           .x1 = f(b.x),
           .z1 = f(b.z)};
 }
-
-/// A quadratic form that is zero on a cut: A x^2 + 2 B x z + C z^2 + 2 (gx x + gz z) + f, about
-/// (xc, zc).
-struct PlaneForm {
-  double xc, zc;
-  double A, B, C;
-  double gx, gz;
-  double f;
-};
 
 /// Directions in the scene frame, per millimetre of x and of z in a row's plane.
 struct PlaneAxes {
@@ -423,22 +415,10 @@ void SweepPrimitives::cut_quadric(uint32_t number, const RowPlane& plane, PlaneC
   Reach reach;
   if (!bound(centre_ellipse(form), box, start_mm_, reach)) return;
   out.conics.push_back({.reach = reach,
-                        .xc = form.xc,
-                        .zc = form.zc,
-                        .a0 = form.C,
-                        .a1 = 2.0 * form.B,
-                        .a2 = form.A,
-                        .b0 = form.gz,
-                        .b1 = form.gx,
-                        .b2 = form.B,
-                        .b3 = form.A,
-                        .c0 = form.f,
-                        .c1 = 2.0 * form.gx,
-                        .c2 = form.A,
-                        .s0 = dot(from_base(form.xc, form.zc), q.axis),
-                        .s1 = dot(axes.across, q.axis),
-                        .s2 = dot(axes.inward, q.axis),
-                        .s3 = dot(axes.across, q.axis),
+                        .form = form,
+                        .s = dot(from_base(form.xc, form.zc), q.axis),
+                        .s_x = dot(axes.across, q.axis),
+                        .s_z = dot(axes.inward, q.axis),
                         .height = q.height});
   const bool sphere = number < scene_.spheres.size();
   const auto spheres = static_cast<uint32_t>(scene_.spheres.size());

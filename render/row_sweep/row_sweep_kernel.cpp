@@ -317,21 +317,23 @@ void segments(const Cells& cells, const Spread& spread, float start, const Segme
   }
 }
 
-/// Returns the nearer of the valid roots, -infinity if there is none.
+/// Returns the nearer of the valid roots, -infinity if there is none. A ray meets the form at
+/// (xc + v + tan t, zc + t) where a t^2 + 2 b t + c = 0.
 inline Doubles conic_z(const Conic& q, double start, const Doubles& x, const Doubles& tan) {
-  const Doubles v = (x + tan * q.zc) - q.xc;
-  const Doubles a = q.a0 + tan * (q.a1 + tan * q.a2);
-  const Doubles b = (q.b0 + q.b1 * tan) + v * (q.b2 + q.b3 * tan);
-  const Doubles c = q.c0 + v * (q.c1 + v * q.c2);
+  const PlaneForm& form = q.form;
+  const Doubles v = (x + tan * form.zc) - form.xc;
+  const Doubles a = form.C + tan * (2.0 * form.B + tan * form.A);
+  const Doubles b = (form.gz + form.gx * tan) + v * (form.B + form.A * tan);
+  const Doubles c = form.f + v * (2.0 * form.gx + v * form.A);
   const Doubles square = b * b - a * c;
   const Doubles half = root(square > 0.0 ? square : Doubles{});
   // Both terms have the same sign, so nothing cancels.
   const Doubles sum = -(b + (b < 0.0 ? -half : half));
   const Doubles t0 = sum / a, t1 = c / sum;
-  const Doubles s_panel = q.s0 + q.s1 * v;
-  const Doubles s_step = q.s2 + q.s3 * tan;
+  const Doubles s_panel = q.s + q.s_x * v;
+  const Doubles s_step = q.s_z + q.s_x * tan;
   const Doubles s_0 = s_panel + t0 * s_step, s_1 = s_panel + t1 * s_step;
-  const Doubles z0 = t0 + q.zc, z1 = t1 + q.zc;
+  const Doubles z0 = t0 + form.zc, z1 = t1 + form.zc;
   const Doubles none = Doubles{} - __builtin_inf();
   const DoubleMasks real = square >= 0.0;
   const Doubles first = (real & (s_0 >= 0.0) & (s_0 <= q.height) & (z0 <= start)) ? z0 : none;

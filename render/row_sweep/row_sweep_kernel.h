@@ -71,17 +71,21 @@ struct Segment {
   float x0, z0, x1, z1;
 };
 
-/// Conic is the cut of a sphere, cone or cylinder. With v = x_panel + tan zc - xc and z = zc + t, a
-/// ray meets it where a t^2 + 2 b t + c = 0,
-///   a = a0 + tan (a1 + tan a2), b = b0 + b1 tan + v (b2 + b3 tan), c = c0 + v (c1 + v c2),
-/// and 0 <= s0 + s1 v + t (s2 + s3 tan) <= height.
+/// A quadratic form that is zero on a cut: A x^2 + 2 B x z + C z^2 + 2 (gx x + gz z) + f, about
+/// (xc, zc).
+struct PlaneForm {
+  double xc, zc;
+  double A, B, C;
+  double gx, gz;
+  double f;
+};
+
+/// Conic is the cut of a sphere, cone or cylinder: the zeros of its form with
+/// 0 <= s + s_x x + s_z z <= height.
 struct Conic {
   Reach reach;
-  double xc, zc;
-  double a0, a1, a2;
-  double b0, b1, b2, b3;
-  double c0, c1, c2;
-  double s0, s1, s2, s3;
+  PlaneForm form;
+  double s, s_x, s_z;
   double height;
 };
 
