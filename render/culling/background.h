@@ -130,10 +130,9 @@ class BeamTester {
 /// Returns true if no ray of the beam, or of its extension toward the viewer, crosses the ground
 /// where the scene's shadow falls. The scene must have one.
 [[nodiscard]] inline bool misses_ground_shadow(const Scene& scene, const Beam& beam) {
-  const Affine panel_from_scene = scene.scene_from_panel.inverse();
-  std::array<Vec3, 4> corners = scene.backdrop.ground_shadow->corners();
-  for (Vec3& corner : corners) corner = panel_from_scene.point(corner);
-  return beside_corners(beam, corners, 0.0);  // the shadow fades out before its border
+  const GroundShadow& shadow = *scene.backdrop.ground_shadow;
+  // The shadow fades out before its border.
+  return beside_corners(beam, shadow.corners(scene.scene_from_panel.inverse()), 0.0);
 }
 
 /// Background fills parts of tiles. Thread safety: used by one thread. It keeps its memory from

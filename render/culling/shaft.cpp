@@ -120,18 +120,7 @@ constexpr float kUnitRounding = 1e-6F;
 /// rounding not to matter.
 constexpr float kLeastAscent = 1e-4F;
 
-/// Factor of the coordinates for Patch::level: directions are rounded by a few units in the last
-/// place, and secondary rays start 2^-19 above their plane.
-constexpr float kLevel = 1.0F;
-
-/// Sized is a patch and its extent. Secondary rays start off a patch by a fraction of the extent
-/// and of the patch's coordinates.
-struct Sized {
-  Patch patch;
-  float extent = 0.0F;
-};
-
-Sized triangle_patch(const Scene& scene, const MeshShape& mesh, const SurfaceCell& cell) {
+Patch triangle_patch(const Scene& scene, const MeshShape& mesh, const SurfaceCell& cell) {
   const WideTriangle* wide = scene.wide_triangle(mesh, cell.primitive);
   const std::array<Vec3f, 3> corners = mesh.corners(cell.primitive);
   const Vec3f a = corners[0], edge1 = corners[1] - a, edge2 = corners[2] - a;
@@ -140,13 +129,13 @@ Sized triangle_patch(const Scene& scene, const MeshShape& mesh, const SurfaceCel
     return a + edge1 * ((static_cast<float>(cell.u) + du) * part) +
            edge2 * ((static_cast<float>(cell.v) + dv) * part);
   };
-  Patch patch{.centre = at(0.5F, 0.5F), .flat = true};
+  const float extent = std::max(largest_size(edge1), largest_size(edge2));
+  Patch patch{.centre = at(0.5F, 0.5F), .extent = extent, .flat = true};
   for (const float du : {0.0F, 1.0F})
     for (const float dv : {0.0F, 1.0F})
       patch.radius = std::max(patch.radius, length(at(du, dv) - patch.centre));
   const Vec3 outer = wide != nullptr ? wide->normal : normalized(cross(Vec3(edge1), Vec3(edge2)));
   const Vec3 normal = cell.outer_side ? outer : -outer;
-  const float extent = std::max(largest_size(edge1), largest_size(edge2));
   patch.normal = Vec3f(normal);
   // Rays start closer to a wide triangle than its extent suggests.
   const float reach = wide != nullptr ? static_cast<float>(wide->reach) : extent;
@@ -156,22 +145,24 @@ Sized triangle_patch(const Scene& scene, const MeshShape& mesh, const SurfaceCel
   patch.exact_normal = normal;
   patch.exact_height = dot(normal, corner) + double{rises};
   patch.height = static_cast<float>(dot(normal, corner)) + rises;
-  patch.level = kLevel * (largest_size(patch.centre) - patch.radius + reach);
-  return {patch, extent};
+  // Directions are rounded by a few units in the last place, and secondary rays start 2^-19 above
+  // their plane.
+  patch.level = largest_size(patch.centre) - patch.radius + reach;
+  return patch;
 }
 
-Sized sphere_patch(const SphereShape& sphere, const SurfaceCell& cell) {
+Patch sphere_patch(const SphereShape& sphere, const SurfaceCell& cell) {
   const DirectionCell from_centre = direction_cell(cell.u, cell.v, cell.divisions);
   const auto radius = static_cast<float>(sphere.radius);
   // Chord from the centre of the cap to its rim.
   const float chord = std::sqrt(std::max(0.0F, 2.0F - 2.0F * from_centre.cosine));
-  return {{.centre = Vec3f(sphere.centre) + from_centre.middle * radius,
-           .radius = radius * chord,
-           .leaves_convex = cell.outer_side != sphere.inward},
-          radius};
+  return {.centre = Vec3f(sphere.centre) + from_centre.middle * radius,
+          .radius = radius * chord,
+          .extent = radius,
+          .leaves_convex = cell.outer_side != sphere.inward};
 }
 
-Sized cone_patch(const ConeShape& cone, const SurfaceCell& cell) {
+Patch cone_patch(const ConeShape& cone, const SurfaceCell& cell) {
   const DirectionCell across = direction_cell(cell.u, cell.v, cell.divisions);
   const Vec3f axis(cone.axis);
   const auto height = static_cast<float>(cone.height);
@@ -181,40 +172,33 @@ Sized cone_patch(const ConeShape& cone, const SurfaceCell& cell) {
     return static_cast<float>(cone.base_radius) + static_cast<float>(cone.slope) * s;
   };
   const float widest = std::max(radius_at(begin), radius_at(begin + step));
-  Patch patch{.leaves_convex = cell.outer_side != cone.inward};
+  Patch patch{.extent = height + widest, .leaves_convex = cell.outer_side != cone.inward};
   patch.centre = Vec3f(cone.base) + axis * (begin + 0.5F * step);
   patch.radius = widest + 0.5F * step;
   // The cell of directions may contain no direction across the axis, or many; then the patch is the
   // whole ring.
   const Vec3f flat = across.middle - axis * dot(across.middle, axis);
-  if (length(flat) < 0.5F || across.cosine < 0.5F) return {patch, height + widest};
+  if (length(flat) < 0.5F || across.cosine < 0.5F) return patch;
   // A direction across the axis is no farther from `flat` than twice the cell's radius.
   const float chord = 2.0F * std::sqrt(std::max(0.0F, 2.0F - 2.0F * across.cosine));
   patch.centre = patch.centre + normalized(flat) * widest;
   patch.radius =
       std::min(patch.radius + widest,
                0.5F * step * (1.0F + std::abs(static_cast<float>(cone.slope))) + widest * chord);
-  return {patch, height + widest};
+  return patch;
 }
 
 }  // namespace
 
 Patch patch_of(const Scene& scene, const SurfaceCell& cell) {
   const GeometryEntry& entry = scene.geometries[cell.geometry];
-  Sized sized;
-  switch (entry.kind) {
-    case GeometryEntry::Kind::Mesh:
-      sized = triangle_patch(scene, scene.meshes[entry.mesh], cell);
-      break;
-    case GeometryEntry::Kind::Spheres:
-      sized = sphere_patch(scene.spheres[cell.primitive], cell);
-      break;
-    case GeometryEntry::Kind::Cones:
-      sized = cone_patch(scene.cones[cell.primitive], cell);
-      break;
-  }
-  Patch& patch = sized.patch;
-  patch.radius += kMargin * (largest_size(patch.centre) + patch.radius + sized.extent);
+  Patch patch = entry.kind == GeometryEntry::Kind::Mesh
+                    ? triangle_patch(scene, scene.meshes[entry.mesh], cell)
+                : entry.kind == GeometryEntry::Kind::Spheres
+                    ? sphere_patch(scene.spheres[cell.primitive], cell)
+                    : cone_patch(scene.cones[cell.primitive], cell);
+  // Secondary rays start off a patch by a fraction of its extent and of its coordinates.
+  patch.radius += kMargin * (largest_size(patch.centre) + patch.radius + patch.extent);
   patch.geometry = cell.geometry;
   patch.primitive = cell.primitive;
   return patch;
@@ -233,18 +217,16 @@ struct Shaft {
   float within = 0.0F;  ///< if not zero, the shaft holds rays of this length in any direction
 };
 
-Shaft shaft_to_point(const Patch& from, Vec3 point) {
-  Shaft shaft{.from = from, .to_point = true, .point = Vec3f(point)};
+/// Returns the shaft into a ball, or to a point if the radius is 0.
+Shaft shaft_to(const Patch& from, Vec3 middle, double radius) {
+  Shaft shaft{.from = from,
+              .to_point = true,
+              .point = Vec3f(middle),
+              .ball = static_cast<float>(radius) * (1.0F + kMargin)};
   const Vec3f way = shaft.point - from.centre;
   // The direction of a ray is rounded too; the resulting error grows with the distance.
   shaft.from.radius += kMargin * length(way);
   shaft.axis = normalized(way);
-  return shaft;
-}
-
-Shaft shaft_to_ball(const Patch& from, Vec3 middle, double radius) {
-  Shaft shaft = shaft_to_point(from, middle);
-  shaft.ball = static_cast<float>(radius) * (1.0F + kMargin);
   return shaft;
 }
 
@@ -525,25 +507,15 @@ bool is_blocked(const Scene& scene, const PrimitiveTree& tree, const Shaft& shaf
 
 constexpr unsigned kAnswersLog2 = 20;
 
-size_t primitives_of(const Scene& scene, const GeometryEntry& entry) {
-  switch (entry.kind) {
-    case GeometryEntry::Kind::Spheres:
-      return scene.spheres.size();
-    case GeometryEntry::Kind::Cones:
-      return scene.cones.size();
-    case GeometryEntry::Kind::Mesh:
-      break;
-  }
-  return scene.meshes[entry.mesh].triangles.size();
-}
-
 }  // namespace
 
 ShaftCache::ShaftCache(const Scene& scene, const PrimitiveTree& tree) : scene_(scene), tree_(tree) {
   uint64_t first = 0;
   for (const GeometryEntry& entry : scene.geometries) {
     first_primitive_.push_back(first);
-    first += primitives_of(scene, entry);
+    first += entry.kind == GeometryEntry::Kind::Spheres ? scene.spheres.size()
+             : entry.kind == GeometryEntry::Kind::Cones ? scene.cones.size()
+                                                        : scene.meshes[entry.mesh].triangles.size();
   }
 }
 
@@ -593,9 +565,7 @@ ShaftResult ShaftCache::find_out(const SurfaceCell& cell, uint64_t target) const
   // Parallel rays: a cone as narrow as rounding allows.
   if (area_light.kind == Light::Kind::Directional)
     return answer(shaft_in_cone(from, Vec3f(-area_light.direction), sun_cosine_));
-  if (sizes_.light_radius > 0.0)
-    return answer(shaft_to_ball(from, area_light.position, sizes_.light_radius));
-  return answer(shaft_to_point(from, area_light.position));
+  return answer(shaft_to(from, area_light.position, sizes_.light_radius));
 }
 
 }  // namespace lenticule::render

@@ -122,6 +122,7 @@ struct DirectionCell {
 struct Patch {
   Vec3f centre{};
   float radius = 0.0F;  ///< radius of a ball that contains the patch
+  float extent = 0.0F;  ///< size of the primitive
   /// A flat patch lies in the plane normal . p = height; rays leave to its positive side.
   bool flat = false;
   Vec3f normal{};

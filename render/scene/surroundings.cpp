@@ -67,10 +67,10 @@ void GroundShadow::light_left(const Rays& rays, std::array<double, kRays>& out) 
   for (size_t r = 0; r < kRays; ++r) out[r] = falls[r] > 0.0 ? light_at(columns[r], rows[r]) : 1.0;
 }
 
-std::array<Vec3, 4> GroundShadow::corners() const {
+std::array<Vec3, 4> GroundShadow::corners(const Affine& map) const {
   const double right = grid_.columns - 1, below = grid_.rows - 1;
-  return {grid_.point(0, 0), grid_.point(right, 0), grid_.point(right, below),
-          grid_.point(0, below)};
+  return {map.point(grid_.point(0, 0)), map.point(grid_.point(right, 0)),
+          map.point(grid_.point(right, below)), map.point(grid_.point(0, below))};
 }
 
 GroundShadow::Row::Row(const GroundShadow& shadow, const Affine& shadow_from_frame, double y,

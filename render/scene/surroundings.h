@@ -55,8 +55,8 @@ class GroundShadow {
   [[nodiscard]] double light_left(Vec3 origin, Vec3 direction) const;
   /// Computes the same for several rays; faster than one by one.
   void light_left(const Rays& rays, std::array<double, kRays>& out) const;
-  /// Returns the corners of the grid.
-  [[nodiscard]] std::array<Vec3, 4> corners() const;
+  /// Returns the corners of the grid, mapped.
+  [[nodiscard]] std::array<Vec3, 4> corners(const Affine& map) const;
 
  private:
   /// Returns the share at a place on the grid, in cells from the first point.

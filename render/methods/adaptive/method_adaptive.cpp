@@ -86,10 +86,9 @@ class GroundRow {
  public:
   /// The scene must have a ground shadow.
   GroundRow(const Scene& scene, const RowPlanes& planes)
-      : scene_(scene), planes_(planes), corners_mm_(scene.backdrop.ground_shadow->corners()) {
-    const Affine panel_from_scene = scene.scene_from_panel.inverse();
-    for (Vec3& corner : corners_mm_) corner = panel_from_scene.point(corner);
-  }
+      : scene_(scene),
+        planes_(planes),
+        corners_mm_(scene.backdrop.ground_shadow->corners(scene.scene_from_panel.inverse())) {}
 
   /// Begins a row whose rays go to `eyes` on the viewing line (mm; tangents of parallel rays).
   void start(const RowPlane& plane, const Interval& eyes) {
