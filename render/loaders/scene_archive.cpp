@@ -339,8 +339,9 @@ class Reader {
 
 // ---- checks
 
-void check_index(int index, size_t count, const char* what) {
-  if (index < -1 || (index >= 0 && static_cast<size_t>(index) >= count))
+/// Throws Error(Input) for an index of nothing; -1, which means none, passes unless it is required.
+void check_index(int64_t index, size_t count, const char* what, bool required = false) {
+  if (index < (required ? 0 : -1) || index >= static_cast<int64_t>(count))
     refuse(std::string("refers to a ") + what + " that does not exist");
 }
 
@@ -398,8 +399,7 @@ void check(const Deformation& deformation, size_t vertices, const SceneDescripti
 void check(const TriangleMesh& mesh, const SceneDescription& scene) {
   const size_t vertices = mesh.positions.size();
   for (const auto& triangle : mesh.triangles)
-    for (const uint32_t vertex : triangle)
-      if (vertex >= vertices) refuse("refers to a vertex that does not exist");
+    for (const uint32_t vertex : triangle) check_index(vertex, vertices, "vertex");
   check_count(mesh.normals.size(), vertices, "normals");
   check_count(mesh.uvs.size(), vertices, "texture coordinates");
   check_count(mesh.uvs2.size(), vertices, "texture coordinates");
@@ -429,14 +429,11 @@ void check_scene(const SceneDescription& scene) {
   for (size_t n = 0; n < scene.nodes.size(); ++n) check(scene.nodes[n], n);
   for (const Skin& skin : scene.skins) {
     if (skin.joint_from_mesh.size() != skin.joints.size()) refuse("has a wrong number of joints");
-    for (const int joint : skin.joints)
-      if (joint < 0) refuse("refers to a node that does not exist");
-    for (const int joint : skin.joints) check_index(joint, scene.nodes.size(), "node");
+    for (const int joint : skin.joints) check_index(joint, scene.nodes.size(), "node", true);
   }
   const auto check_materials = [&](const auto& shapes) {
     for (const auto& shape : shapes)
-      if (shape.material < 0 || static_cast<size_t>(shape.material) >= scene.materials.size())
-        refuse("refers to a material that does not exist");
+      check_index(shape.material, scene.materials.size(), "material", true);
   };
   for (const auto& shape : scene.shapes) {
     if (!shape || shape->shape >= 0) refuse("has no shape where one is");
