@@ -14,21 +14,12 @@
 
 namespace lenticule::render {
 
-NffScene::NffScene(const std::string& source) {
-  scene_.source = source;
-  scene_.colour_managed = false;
-}
-
 SceneDescription NffScene::finish() {
   const bool empty = scene_.meshes.empty() && scene_.spheres.empty() && scene_.cones.empty();
   if (!empty) finish_lights();
   write_notes();
   if (empty) refuse_empty(scene_);
   return std::move(scene_);
-}
-
-void NffScene::light(Vec3 position, Vec3 colour) {
-  scene_.lights.push_back({.kind = Light::Kind::Point, .position = position, .colour = colour});
 }
 
 /// Sets the lights' intensities, which the format leaves open. The usual recommendation is
@@ -170,8 +161,7 @@ class NffParser {
     if (keyword == "f") return fill();
     if (keyword == "s") return sphere();
     if (keyword == "c") return cone();
-    if (keyword == "p") return polygon(Corners::Plain);
-    if (keyword == "pp") return polygon(Corners::WithNormals);
+    if (keyword == "p" || keyword == "pp") return polygon(keyword == "pp");
     reader_.fail(
         fmt::format("unknown line {}, expected v, b, l, f, s, c, p or pp", quoted(keyword)));
   }
@@ -182,19 +172,13 @@ class NffParser {
     const int line = reader_.line();
     if (scene_.has_view()) reader_.fail("a second view");
     Camera camera{.name = "view"};
-    expect("from");
-    camera.from = reader_.point("from");
-    expect("at");
-    camera.at = reader_.point("at");
-    expect("up");
-    camera.up = reader_.point("up");
-    expect("angle");
-    camera.vertical_fov_degrees = reader_.number_in("angle", 1e-3, 179.0);
-    expect("hither");
-    camera.hither = reader_.number_in("hither", 0.0, kMaxCoordinate);
-    expect("resolution");
+    camera.from = reader_.point(expected("from"));
+    camera.at = reader_.point(expected("at"));
+    camera.up = reader_.point(expected("up"));
+    camera.vertical_fov_degrees = reader_.number_in(expected("angle"), 1e-3, 179.0);
+    camera.hither = reader_.number_in(expected("hither"), 0.0, kMaxCoordinate);
     // Ignored, since the panel determines the size of the picture.
-    (void)reader_.integer_in("resolution", 0, std::numeric_limits<int>::max());
+    (void)reader_.integer_in(expected("resolution"), 0, std::numeric_limits<int>::max());
     (void)reader_.integer_in("resolution", 0, std::numeric_limits<int>::max());
     if (camera.from == camera.at)
       reader_.fail_at(line, "the view's from and at are the same point");
@@ -206,11 +190,13 @@ class NffParser {
     scene_.view(camera);
   }
 
-  void expect(std::string_view name) {
+  /// Takes the word `name` and returns it.
+  const char* expected(const char* name) {
     const auto word = reader_.word();
     if (!word) reader_.fail(fmt::format("the file ends before the view's '{}'", name));
     if (*word != name)
       reader_.fail(fmt::format("expected the view's '{}', not {}", name, quoted(*word)));
+    return name;
   }
 
   void light() {
@@ -256,9 +242,7 @@ class NffParser {
     scene_.cone(base, base_radius, apex, apex_radius);
   }
 
-  enum class Corners { Plain, WithNormals };
-
-  void polygon(Corners kind) {
+  void polygon(bool with_normals) {
     const int line = reader_.line();
     const int count =
         reader_.integer_in("the number of corners", 0, std::numeric_limits<int>::max());
@@ -270,7 +254,7 @@ class NffParser {
     normals_.clear();
     for (int i = 0; i < count; ++i) {
       corners_.push_back(reader_.point("a corner"));
-      if (kind == Corners::WithNormals) normals_.push_back(reader_.point("a normal"));
+      if (with_normals) normals_.push_back(reader_.point("a normal"));
     }
     if (!scene_.polygon(corners_, normals_))
       reader_.fail_at(line, fmt::format("more than {} corners of one material", kMaxVertices));

@@ -24,13 +24,18 @@ namespace lenticule::render {
 /// primitives without effect on the picture; finish() adds notes about them.
 class NffScene {
  public:
-  explicit NffScene(const std::string& source);
+  explicit NffScene(const std::string& source) {
+    scene_.source = source;
+    scene_.colour_managed = false;
+  }
 
   /// Sets the camera; its direction must be usable.
   void view(const Camera& camera) { scene_.cameras.push_back(camera); }
   [[nodiscard]] bool has_view() const { return !scene_.cameras.empty(); }
   void background(Vec3 colour) { scene_.background = colour; }
-  void light(Vec3 position, Vec3 colour);
+  void light(Vec3 position, Vec3 colour) {
+    scene_.lights.push_back({.kind = Light::Kind::Point, .position = position, .colour = colour});
+  }
   [[nodiscard]] size_t lights() const { return scene_.lights.size(); }
   /// Sets the material of the following surfaces: colour, Kd, Ks, shine, T and index of refraction.
   void fill(Material material);
