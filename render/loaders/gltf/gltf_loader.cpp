@@ -504,12 +504,6 @@ Node node_of(const JsonAt& from) {
   return node;
 }
 
-std::vector<size_t> children_of(const JsonAt& node, size_t nodes) {
-  std::vector<size_t> children;
-  for (const JsonAt& child : node.list("children")) children.push_back(child.index(nodes, "nodes"));
-  return children;
-}
-
 // ---- what hangs on nodes
 
 /// Nodes imports glTF's node hierarchy with what hangs on it: meshes, skins, cameras and lights.
@@ -657,9 +651,7 @@ class Nodes {
       Camera camera;
       camera.name = nodes_[node].text("name", from.text("name", from.path()));
       camera.node = places_[node];
-      camera.from = {0, 0, 0};
       camera.at = {0, 0, -1};
-      camera.up = {0, 1, 0};
       const std::string type = from.at("type").text();
       if (type != "perspective" && type != "orthographic")
         from.at("type").fail("expected perspective or orthographic");
@@ -690,8 +682,8 @@ class Nodes {
     std::vector<size_t> parents(nodes_.size(), kNone);
     std::vector<std::vector<size_t>> children(nodes_.size());
     for (size_t i = 0; i < nodes_.size(); ++i) {
-      children[i] = children_of(nodes_[i], nodes_.size());
-      for (const size_t child : children[i]) {
+      for (const JsonAt& member : nodes_[i].list("children")) {
+        const size_t child = children[i].emplace_back(member.index(nodes_.size(), "nodes"));
         if (parents[child] != kNone)
           nodes_[i]
               .at("children")
@@ -721,9 +713,10 @@ class Nodes {
     notes_.count("further scenes in the file left out (--scene)", scenes.size() - 1);
     for (const JsonAt& root : scenes[static_cast<size_t>(scene_.scenes.taken)].list("nodes"))
       shown_[root.index(nodes_.size(), "nodes")] = true;
-    for (const size_t i : order_)
-      if (shown_[i])
-        for (const size_t child : children_of(nodes_[i], nodes_.size())) shown_[child] = true;
+    for (const size_t i : order_) {
+      const int parent = scene_.nodes[static_cast<size_t>(places_[i])].parent;
+      if (parent >= 0 && shown_[order_[static_cast<size_t>(parent)]]) shown_[i] = true;
+    }
   }
 
   /// Returns the mesh of a node that is shown.
@@ -798,10 +791,8 @@ class Nodes {
         set(nodes[i], e);
       });
     };
-    read(translations, "VEC3", [](Node& n, const Element& e) {
-      n.translation = {e[0], e[1], e[2]};
-    });
-    read(scales, "VEC3", [](Node& n, const Element& e) { n.scale = {e[0], e[1], e[2]}; });
+    read(translations, "VEC3", [](Node& n, const Element& e) { n.translation = vec3(e); });
+    read(scales, "VEC3", [](Node& n, const Element& e) { n.scale = vec3(e); });
     read(rotations, "VEC4",
          [](Node& n, const Element& e) { std::copy_n(e.begin(), 4, n.rotation.begin()); });
     std::vector<int> places;
@@ -845,7 +836,6 @@ class Nodes {
 };
 
 // ---- animations
-// Imports key frames from glTF.
 
 constexpr double kLongestSeconds = 1e7;
 
@@ -996,17 +986,7 @@ void import_animations(Document& document, const Nodes& nodes, const std::string
         scene.nodes[static_cast<size_t>(scene.nodes[i].parent)].morph_weight_keys;
 }
 
-}  // namespace
-
-}  // namespace lenticule::render::gltf
-
-namespace lenticule::render {
-namespace {
-
 // ---- loader
-
-using gltf::Document;
-using gltf::JsonAt;
 
 constexpr auto kExtensions = std::to_array<std::string_view>(
     {"EXT_mesh_gpu_instancing", "EXT_meshopt_compression", "EXT_texture_webp",
@@ -1052,25 +1032,28 @@ void select_parts(Document& document, const ViewerChoices& wanted, SceneDescript
   const std::vector<JsonAt>& scenes = document.list("scenes");
   const size_t stated = document.root().find_index("scene", scenes.size(), "scenes").value_or(0);
   scene.scenes =
-      select(gltf::names_of(scenes), wanted.scene, "scene", scene.source, static_cast<int>(stated));
+      select(names_of(scenes), wanted.scene, "scene", scene.source, static_cast<int>(stated));
   if (const auto variants = document.root().extension("KHR_materials_variants"))
-    scene.variants = select(gltf::names_of(variants->list("variants")), wanted.variant, "variant",
+    scene.variants = select(names_of(variants->list("variants")), wanted.variant, "variant",
                             scene.source, Selection::kNone);
 }
 
 }  // namespace
+
+}  // namespace lenticule::render::gltf
+
+namespace lenticule::render {
 
 SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& source,
                             const std::optional<std::filesystem::path>& folder,
                             const ViewerChoices& wanted) {
   SceneDescription scene;
   scene.source = source;
-  scene.colour_managed = true;
   try {
-    Document document(std::move(bytes), source, folder);
-    check_version(document.root());
-    check_extensions(document.root(), scene);
-    select_parts(document, wanted, scene);
+    gltf::Document document(std::move(bytes), source, folder);
+    gltf::check_version(document.root());
+    gltf::check_extensions(document.root(), scene);
+    gltf::select_parts(document, wanted, scene);
     gltf::Notes notes;
     gltf::Nodes nodes(document, scene, notes);
     gltf::Materials materials(document, nodes.used_materials(), scene, notes);

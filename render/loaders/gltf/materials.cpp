@@ -11,6 +11,7 @@ namespace lenticule::render::gltf {
 namespace {
 
 using frames::TextureContent;
+using enum frames::TextureContent;
 
 constexpr double kBrightest = 1e6;
 
@@ -128,18 +129,17 @@ int Materials::magnified(int material, double scale) {
 void Materials::add(const std::optional<JsonAt>& material) {
   Material to;
   PbrMaterial pbr;
-  MaterialInput input;
+  MaterialInput& input = inputs_.emplace_back();
   if (material) to.name = material->text("name", "");
   if (material && used_[scene_.materials.size()]) {
-    read_core(*material, pbr, input);
-    read_layers(*material, pbr, input);
-    read_transmission(*material, pbr, input);
+    read_core(*material, pbr);
+    read_layers(*material, pbr);
+    read_transmission(*material, pbr);
     if (!input.tangent_uvs && pbr.anisotropy != 0.0) input.tangent_uvs = 0;
   }
   if (input.uv_sets.empty()) input.uv_sets.push_back(0);
   to.pbr = std::make_shared<const PbrMaterial>(pbr);
   scene_.materials.push_back(to);
-  inputs_.push_back(input);
 }
 
 // ---- textures
@@ -176,8 +176,7 @@ int Materials::picture(const JsonAt& texture, TextureContent content) {
   });
 }
 
-TextureUse Materials::texture(const JsonAt& owner, const char* key, TextureContent content,
-                              MaterialInput& input) {
+TextureUse Materials::texture(const JsonAt& owner, const char* key, TextureContent content) {
   const auto info = owner.find(key);
   if (!info) return {};
   const std::vector<JsonAt>& textures = document_.list("textures");
@@ -190,48 +189,48 @@ TextureUse Materials::texture(const JsonAt& owner, const char* key, TextureConte
   }
   if (use.texture < 0) return {};
   constexpr size_t kMostSets = 2;
-  const auto slot = std::ranges::find(input.uv_sets, set) - input.uv_sets.begin();
+  std::vector<uint64_t>& sets = inputs_.back().uv_sets;
+  const auto slot = std::ranges::find(sets, set) - sets.begin();
   if (static_cast<size_t>(slot) == kMostSets) {
     notes_.count("textures left out: their material uses more than two sets of coordinates");
     return {};
   }
-  if (static_cast<size_t>(slot) == input.uv_sets.size()) input.uv_sets.push_back(set);
+  if (static_cast<size_t>(slot) == sets.size()) sets.push_back(set);
   use.uv_set = static_cast<int>(slot);
   return use;
 }
 
 // ---- properties
 
-void Materials::read_core(const JsonAt& from, PbrMaterial& to, MaterialInput& input) {
+void Materials::read_core(const JsonAt& from, PbrMaterial& to) {
   // A file that does not require the older model states its material in both, and ours is exact.
   const auto pbr = from.find("pbrMetallicRoughness");
   const auto old = from.extension("KHR_materials_pbrSpecularGlossiness");
   if (old && (!pbr || requires_specular_glossiness_)) {
-    read_specular_glossiness(*old, to, input);
+    read_specular_glossiness(*old, to);
   } else if (pbr) {
     if (const auto colour = pbr->numbers("baseColorFactor", 4)) {
       to.base_colour = clamped({(*colour)[0], (*colour)[1], (*colour)[2]}, 1.0);
       to.alpha = std::clamp((*colour)[3], 0.0, 1.0);
     }
-    to.base_colour_texture = texture(*pbr, "baseColorTexture", TextureContent::Colour, input);
+    to.base_colour_texture = texture(*pbr, "baseColorTexture", Colour);
     to.metallic = share(*pbr, "metallicFactor", 1.0);
     to.roughness = share(*pbr, "roughnessFactor", 1.0);
-    to.metallic_roughness_texture =
-        texture(*pbr, "metallicRoughnessTexture", TextureContent::Data, input);
+    to.metallic_roughness_texture = texture(*pbr, "metallicRoughnessTexture", Data);
   }
-  to.normal_texture = texture(from, "normalTexture", TextureContent::Data, input);
+  to.normal_texture = texture(from, "normalTexture", Data);
   if (to.normal_texture.texture >= 0) {
-    input.tangent_uvs = static_cast<size_t>(to.normal_texture.uv_set);
+    inputs_.back().tangent_uvs = static_cast<size_t>(to.normal_texture.uv_set);
     to.normal_scale = from.at("normalTexture").number("scale", 1.0);
   }
-  to.occlusion_texture = texture(from, "occlusionTexture", TextureContent::Data, input);
+  to.occlusion_texture = texture(from, "occlusionTexture", Data);
   if (to.occlusion_texture.texture >= 0)
     to.occlusion_strength = share(from.at("occlusionTexture"), "strength", 1.0);
   double strength = 1.0;
   if (const auto emission = from.extension("KHR_materials_emissive_strength"))
     strength = emission->number_within("emissiveStrength", 1.0, 0.0, kBrightest);
   to.emission = clamped(from.vector("emissiveFactor", {0, 0, 0}), 1.0) * strength;
-  to.emission_texture = texture(from, "emissiveTexture", TextureContent::Colour, input);
+  to.emission_texture = texture(from, "emissiveTexture", Colour);
   to.alpha_mode = alpha_mode_of(from);
   to.alpha_cutoff = from.number_within("alphaCutoff", 0.5, 0.0, kBrightest);
   to.double_sided = from.flag("doubleSided", false);
@@ -242,13 +241,12 @@ void Materials::read_core(const JsonAt& from, PbrMaterial& to, MaterialInput& in
 
 /// Converts the material model that glTF had before metallic-roughness: the specular colour becomes
 /// an index of refraction and a tint.
-void Materials::read_specular_glossiness(const JsonAt& from, PbrMaterial& to,
-                                         MaterialInput& input) {
+void Materials::read_specular_glossiness(const JsonAt& from, PbrMaterial& to) {
   if (const auto colour = from.numbers("diffuseFactor", 4)) {
     to.base_colour = clamped({(*colour)[0], (*colour)[1], (*colour)[2]}, 1.0);
     to.alpha = std::clamp((*colour)[3], 0.0, 1.0);
   }
-  to.base_colour_texture = texture(from, "diffuseTexture", TextureContent::Colour, input);
+  to.base_colour_texture = texture(from, "diffuseTexture", Colour);
   to.metallic = 0.0;
   to.roughness = 1.0 - share(from, "glossinessFactor", 1.0);
   const Vec3 specular = clamped(from.vector("specularFactor", {1, 1, 1}), 1.0);
@@ -263,60 +261,55 @@ void Materials::read_specular_glossiness(const JsonAt& from, PbrMaterial& to,
         "'gltf-transform metalrough'");
 }
 
-void Materials::read_layers(const JsonAt& from, PbrMaterial& to, MaterialInput& input) {
+void Materials::read_layers(const JsonAt& from, PbrMaterial& to) {
   if (const auto specular = from.extension("KHR_materials_specular")) {
     to.specular = share(*specular, "specularFactor", 1.0);
-    to.specular_texture = texture(*specular, "specularTexture", TextureContent::Data, input);
+    to.specular_texture = texture(*specular, "specularTexture", Data);
     to.specular_colour = clamped(specular->vector("specularColorFactor", {1, 1, 1}), kBrightest);
-    to.specular_colour_texture =
-        texture(*specular, "specularColorTexture", TextureContent::Colour, input);
+    to.specular_colour_texture = texture(*specular, "specularColorTexture", Colour);
   }
   if (const auto coat = from.extension("KHR_materials_clearcoat")) {
     to.clearcoat = share(*coat, "clearcoatFactor", 0.0);
-    to.clearcoat_texture = texture(*coat, "clearcoatTexture", TextureContent::Data, input);
+    to.clearcoat_texture = texture(*coat, "clearcoatTexture", Data);
     to.clearcoat_roughness = share(*coat, "clearcoatRoughnessFactor", 0.0);
-    to.clearcoat_roughness_texture =
-        texture(*coat, "clearcoatRoughnessTexture", TextureContent::Data, input);
-    to.clearcoat_normal_texture =
-        texture(*coat, "clearcoatNormalTexture", TextureContent::Data, input);
-    if (to.clearcoat_normal_texture.texture >= 0 && !input.tangent_uvs)
-      input.tangent_uvs = static_cast<size_t>(to.clearcoat_normal_texture.uv_set);
+    to.clearcoat_roughness_texture = texture(*coat, "clearcoatRoughnessTexture", Data);
+    to.clearcoat_normal_texture = texture(*coat, "clearcoatNormalTexture", Data);
+    if (to.clearcoat_normal_texture.texture >= 0 && !inputs_.back().tangent_uvs)
+      inputs_.back().tangent_uvs = static_cast<size_t>(to.clearcoat_normal_texture.uv_set);
   }
   if (const auto sheen = from.extension("KHR_materials_sheen")) {
     to.sheen_colour = clamped(sheen->vector("sheenColorFactor", {0, 0, 0}), 1.0);
-    to.sheen_colour_texture = texture(*sheen, "sheenColorTexture", TextureContent::Colour, input);
+    to.sheen_colour_texture = texture(*sheen, "sheenColorTexture", Colour);
     to.sheen_roughness = share(*sheen, "sheenRoughnessFactor", 0.0);
-    to.sheen_roughness_texture =
-        texture(*sheen, "sheenRoughnessTexture", TextureContent::Data, input);
+    to.sheen_roughness_texture = texture(*sheen, "sheenRoughnessTexture", Data);
   }
   if (const auto film = from.extension("KHR_materials_iridescence")) {
     to.iridescence = share(*film, "iridescenceFactor", 0.0);
-    to.iridescence_texture = texture(*film, "iridescenceTexture", TextureContent::Data, input);
+    to.iridescence_texture = texture(*film, "iridescenceTexture", Data);
     to.iridescence_ior = film->number_within("iridescenceIor", 1.3, 1.0, 100.0);
     to.iridescence_thickness_min =
         film->number_within("iridescenceThicknessMinimum", 100.0, 0.0, kBrightest);
     to.iridescence_thickness_max =
         film->number_within("iridescenceThicknessMaximum", 400.0, 0.0, kBrightest);
-    to.iridescence_thickness_texture =
-        texture(*film, "iridescenceThicknessTexture", TextureContent::Data, input);
+    to.iridescence_thickness_texture = texture(*film, "iridescenceThicknessTexture", Data);
   }
   if (const auto brushed = from.extension("KHR_materials_anisotropy")) {
     to.anisotropy = share(*brushed, "anisotropyStrength", 0.0);
     to.anisotropy_rotation = brushed->number("anisotropyRotation", 0.0);
-    to.anisotropy_texture = texture(*brushed, "anisotropyTexture", TextureContent::Data, input);
-    if (to.anisotropy_texture.texture >= 0 && !input.tangent_uvs)
-      input.tangent_uvs = static_cast<size_t>(to.anisotropy_texture.uv_set);
+    to.anisotropy_texture = texture(*brushed, "anisotropyTexture", Data);
+    if (to.anisotropy_texture.texture >= 0 && !inputs_.back().tangent_uvs)
+      inputs_.back().tangent_uvs = static_cast<size_t>(to.anisotropy_texture.uv_set);
   }
 }
 
-void Materials::read_transmission(const JsonAt& from, PbrMaterial& to, MaterialInput& input) {
+void Materials::read_transmission(const JsonAt& from, PbrMaterial& to) {
   if (const auto glass = from.extension("KHR_materials_transmission")) {
     to.transmission = share(*glass, "transmissionFactor", 0.0);
-    to.transmission_texture = texture(*glass, "transmissionTexture", TextureContent::Data, input);
+    to.transmission_texture = texture(*glass, "transmissionTexture", Data);
   }
   if (const auto volume = from.extension("KHR_materials_volume")) {
     to.thickness = volume->number_within("thicknessFactor", 0.0, 0.0, kMaxCoordinate);
-    to.thickness_texture = texture(*volume, "thicknessTexture", TextureContent::Data, input);
+    to.thickness_texture = texture(*volume, "thicknessTexture", Data);
     to.attenuation_distance = volume->number("attenuationDistance", to.attenuation_distance);
     if (!(to.attenuation_distance > 0.0))
       volume->at("attenuationDistance").fail("not a positive number");

@@ -57,9 +57,6 @@ class Materials {
             Notes& notes);
   Materials(const Materials&) = delete;
   Materials& operator=(const Materials&) = delete;
-  Materials(Materials&&) = delete;
-  Materials& operator=(Materials&&) = delete;
-  ~Materials() = default;
 
   /// Returns the index in the scene's materials of materials[index], or of the default material.
   [[nodiscard]] int index(std::optional<size_t> index);
@@ -76,13 +73,14 @@ class Materials {
 
   void add_all();
   void add(const std::optional<JsonAt>& material);
+  /// Reads a texture of the last material.
   [[nodiscard]] TextureUse texture(const JsonAt& owner, const char* key,
-                                   frames::TextureContent content, MaterialInput& input);
+                                   frames::TextureContent content);
   [[nodiscard]] int picture(const JsonAt& texture, frames::TextureContent content);
-  void read_core(const JsonAt& from, PbrMaterial& to, MaterialInput& input);
-  void read_specular_glossiness(const JsonAt& from, PbrMaterial& to, MaterialInput& input);
-  void read_layers(const JsonAt& from, PbrMaterial& to, MaterialInput& input);
-  void read_transmission(const JsonAt& from, PbrMaterial& to, MaterialInput& input);
+  void read_core(const JsonAt& from, PbrMaterial& to);
+  void read_specular_glossiness(const JsonAt& from, PbrMaterial& to);
+  void read_layers(const JsonAt& from, PbrMaterial& to);
+  void read_transmission(const JsonAt& from, PbrMaterial& to);
 
   Document& document_;
   const std::vector<bool> used_;
