@@ -57,10 +57,6 @@ Vec3 colour_of(const aiColor3D& c) {
 /// Index of the first node of each name.
 using NodeNames = std::unordered_map<std::string, int>;
 
-[[noreturn]] void refuse(const std::string& source, const std::string& reason) {
-  throw Error(ErrorKind::Input, source + ": " + reason);
-}
-
 // ---- checks
 
 std::string label_of(const aiMesh& mesh, unsigned index) {
@@ -270,42 +266,35 @@ double clamped(double value, double low, double high) {
   return std::isfinite(value) ? std::clamp(value, low, high) : low;
 }
 
-/// Properties gives typed access to one material's properties; non-finite values count as absent.
-class Properties {
- public:
-  explicit Properties(const aiMaterial& material) : material_(material) {}
+/// Returns a property of a material; non-finite values count as absent.
+std::optional<double> number(const aiMaterial& from, const char* key, unsigned type,
+                             unsigned index) {
+  float value = 0.0F;
+  if (from.Get(key, type, index, value) != aiReturn_SUCCESS || !std::isfinite(value))
+    return std::nullopt;
+  return static_cast<double>(value);
+}
+std::optional<Vec3> colour(const aiMaterial& from, const char* key, unsigned type, unsigned index) {
+  aiColor4D value;  // accepts three components as well
+  if (from.Get(key, type, index, value) != aiReturn_SUCCESS) return std::nullopt;
+  const Vec3 c(Vec3f(value.r, value.g, value.b));
+  if (!is_finite(c)) return std::nullopt;
+  constexpr Vec3 kBrightest{1e6, 1e6, 1e6};
+  return min(max(c, {}), kBrightest);
+}
 
-  [[nodiscard]] std::optional<double> number(const char* key, unsigned type, unsigned index) const {
-    float value = 0.0F;
-    if (material_.Get(key, type, index, value) != aiReturn_SUCCESS || !std::isfinite(value))
-      return std::nullopt;
-    return static_cast<double>(value);
-  }
-  [[nodiscard]] std::optional<Vec3> colour(const char* key, unsigned type, unsigned index) const {
-    aiColor4D value;  // accepts three components as well
-    if (material_.Get(key, type, index, value) != aiReturn_SUCCESS) return std::nullopt;
-    const Vec3 c(Vec3f(value.r, value.g, value.b));
-    if (!is_finite(c)) return std::nullopt;
-    return Vec3{std::clamp(c.x, 0.0, 1e6), std::clamp(c.y, 0.0, 1e6), std::clamp(c.z, 0.0, 1e6)};
-  }
-
- private:
-  const aiMaterial& material_;
-};
-
-Material material_of(const aiMaterial& material) {
-  const Properties from(material);
+Material material_of(const aiMaterial& from) {
   Material to;
-  to.name = material.GetName().C_Str();
-  to.colour = from.colour(AI_MATKEY_BASE_COLOR)
-                  .value_or(from.colour(AI_MATKEY_COLOR_DIFFUSE).value_or(Vec3{0.8, 0.8, 0.8}));
+  to.name = from.GetName().C_Str();
+  to.colour = colour(from, AI_MATKEY_BASE_COLOR)
+                  .value_or(colour(from, AI_MATKEY_COLOR_DIFFUSE).value_or(Vec3{0.8, 0.8, 0.8}));
   // Files state a specular colour for highlights, not for mirrors.
   constexpr double kHighlightOnly = 0.1;
-  const double specular = luminance(from.colour(AI_MATKEY_COLOR_SPECULAR).value_or(Vec3{}));
+  const double specular = luminance(colour(from, AI_MATKEY_COLOR_SPECULAR).value_or(Vec3{}));
   to.specular = clamped(specular, 0.0, 1.0) * kHighlightOnly;
-  to.shine = clamped(from.number(AI_MATKEY_SHININESS).value_or(10.0), 1.0, kShiniest);
-  to.emission = from.colour(AI_MATKEY_COLOR_EMISSIVE).value_or(Vec3{}) *
-                clamped(from.number(AI_MATKEY_EMISSIVE_INTENSITY).value_or(1.0), 0.0, 1e6);
+  to.shine = clamped(number(from, AI_MATKEY_SHININESS).value_or(10.0), 1.0, kShiniest);
+  to.emission = colour(from, AI_MATKEY_COLOR_EMISSIVE).value_or(Vec3{}) *
+                clamped(number(from, AI_MATKEY_EMISSIVE_INTENSITY).value_or(1.0), 0.0, 1e6);
   to.refraction_index = kUsualIndex;  // for highlights: nothing is seen through the surface
   to.two_sided = true;
   return to;
@@ -415,14 +404,14 @@ class MaterialTextures {
 // ---- metallic-roughness materials
 
 /// Reads factors and textures; returns false if the file states neither.
-bool read_metallic_roughness(const Properties& from, MaterialTextures& textures, PbrMaterial& to) {
-  const auto metallic = from.number(AI_MATKEY_METALLIC_FACTOR);
-  const auto roughness = from.number(AI_MATKEY_ROUGHNESS_FACTOR);
+bool read_metallic_roughness(const aiMaterial& from, MaterialTextures& textures, PbrMaterial& to) {
+  const auto metallic = number(from, AI_MATKEY_METALLIC_FACTOR);
+  const auto roughness = number(from, AI_MATKEY_ROUGHNESS_FACTOR);
   const bool metal_texture = textures.has(aiTextureType_METALNESS);
   const bool rough_texture = textures.has(aiTextureType_DIFFUSE_ROUGHNESS);
   if (!metallic && !roughness && !metal_texture && !rough_texture) return false;
   const auto share = [&](const char* key, unsigned type, unsigned index) {
-    return clamped(from.number(key, type, index).value_or(0.0), 0.0, 1.0);
+    return clamped(number(from, key, type, index).value_or(0.0), 0.0, 1.0);
   };
   to.metallic = clamped(metallic.value_or(metal_texture ? 1.0 : 0.0), 0.0, 1.0);
   to.roughness = clamped(roughness.value_or(1.0), 0.0, 1.0);
@@ -435,10 +424,10 @@ bool read_metallic_roughness(const Properties& from, MaterialTextures& textures,
   to.transmission = share(AI_MATKEY_TRANSMISSION_FACTOR);
   to.thickness = 0.0;
   to.specular = 1.0;
-  to.ior = clamped(from.number(AI_MATKEY_REFRACTI).value_or(kUsualIndex), 1.0, 100.0);
+  to.ior = clamped(number(from, AI_MATKEY_REFRACTI).value_or(kUsualIndex), 1.0, 100.0);
   to.clearcoat = share(AI_MATKEY_CLEARCOAT_FACTOR);
   to.clearcoat_roughness = share(AI_MATKEY_CLEARCOAT_ROUGHNESS_FACTOR);
-  to.sheen_colour = from.colour(AI_MATKEY_SHEEN_COLOR_FACTOR).value_or(Vec3{});
+  to.sheen_colour = colour(from, AI_MATKEY_SHEEN_COLOR_FACTOR).value_or(Vec3{});
   return true;
 }
 
@@ -459,14 +448,13 @@ void import_materials(const aiScene& from, const std::filesystem::path& file,
   for (const aiMaterial* material : std::span(from.mMaterials, from.mNumMaterials)) {
     Material& to = scene.materials.emplace_back(material_of(*material));
     if (!used[scene.materials.size() - 1]) continue;
-    const Properties properties(*material);
     MaterialTextures textures(from, *material, folder, scene.source, all);
     to.texture = textures.find({aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE},
                                frames::TextureContent::Colour);
     if (replaces && to.texture >= 0) to.colour = {1, 1, 1};
     PbrMaterial pbr = pbr_like(to);
-    const bool is_stated = read_metallic_roughness(properties, textures, pbr);
-    pbr.alpha = clamped(properties.number(AI_MATKEY_OPACITY).value_or(1.0), 0.0, 1.0);
+    const bool is_stated = read_metallic_roughness(*material, textures, pbr);
+    pbr.alpha = clamped(number(*material, AI_MATKEY_OPACITY).value_or(1.0), 0.0, 1.0);
     // Exporters of 3ds Max and Blender wrote a transparency of 0 for surfaces that hide all.
     if (pbr.alpha == 0.0) pbr.alpha = 1.0;
     if (pbr.alpha < 1.0) pbr.alpha_mode = PbrMaterial::AlphaMode::Blend;
@@ -639,7 +627,6 @@ SceneDescription import_scene(const aiScene& from, const std::filesystem::path& 
                               const ViewerChoices& wanted) {
   SceneDescription scene;
   scene.source = file.string();
-  scene.colour_managed = true;
   import_materials(from, file, scene);
   const NodeNames nodes = import_nodes_and_meshes(from, scene);
   if (scene.meshes.empty()) refuse_empty(scene);

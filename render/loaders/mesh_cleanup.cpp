@@ -168,10 +168,10 @@ std::vector<uint32_t> distinct_corners(std::span<const Vec3> corners) {
   return kept;
 }
 
-double largest_extent(std::span<const Vec3> corners) {
+Box box_of(std::span<const Vec3> points) {
   Box box;
-  for (const Vec3 p : corners) box.extend(p);
-  return largest(box.high - box.low);
+  for (const Vec3 p : points) box.extend(p);
+  return box;
 }
 
 /// Returns true if the polygon is convex and winds once, so that a triangle fan covers it.
@@ -203,7 +203,8 @@ Triangulation triangulate(std::span<const Vec3> corners) {
   const std::vector<uint32_t> kept = distinct_corners(corners);
   if (kept.size() < 3) return {};
   const Vec3 normal = polygon_area_vector(corners);
-  const double extent = largest_extent(corners);
+  const Box bounds = box_of(corners);
+  const double extent = largest(bounds.high - bounds.low);
   constexpr double kFlat = 1e-14;
   if (!(length(normal) > kFlat * extent * extent)) return {};
 
@@ -454,8 +455,7 @@ void compute_tangents(TriangleMesh& mesh, bool use_second_uvs) {
 
 void LostDigits::add(const TriangleMesh& mesh) {
   if (mesh.positions.empty()) return;
-  Box bounds;
-  for (const Vec3& p : mesh.positions) bounds.extend(p);
+  const Box bounds = box_of(mesh.positions);
   const double size = largest_size(bounds.high - bounds.low);
   const double farthest = std::max(largest_size(bounds.low), largest_size(bounds.high));
   const double step = farthest * double{std::numeric_limits<float>::epsilon()};

@@ -16,7 +16,6 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
 #include "base/numbers.h"
 #include "render/loaders/formats.h"
 #include "render/loaders/limits.h"
@@ -40,9 +39,7 @@ template <class T>
 constexpr ValueType kType{
     sizeof(T),
     [](const std::array<uint8_t, 8>& bytes) {
-      T value{};
-      std::memcpy(&value, bytes.data(), sizeof value);
-      return static_cast<double>(value);
+      return static_cast<double>(number_at<T>(bytes.data()));
     },
     std::is_integral_v<T> ? static_cast<double>(~uint64_t{0} >> (64 - 8 * sizeof(T))) : 1.0,
     std::is_same_v<T, float>};
@@ -126,7 +123,7 @@ class HeaderReader {
 
  private:
   [[noreturn]] void fail(const std::string& reason) const {
-    throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", source_, line_, reason));
+    refuse(fmt::format("{}:{}", source_, line_), reason);
   }
 
   std::string_view next_line() {
@@ -209,8 +206,7 @@ class Values {
   }
   /// Throws Error(Input) "source: element index: reason".
   [[noreturn]] void fail(const std::string& reason) const {
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {} {}: {}", source_, render::quoted(*element_), index_, reason));
+    refuse(fmt::format("{}: {} {}", source_, render::quoted(*element_), index_), reason);
   }
 
  private:
@@ -287,8 +283,8 @@ class ElementReader {
   Elements read() {
     for (const ElementKind& kind : header_.elements) {
       if (kind.count > values_.left())
-        refuse(fmt::format("{} elements {}, but {} bytes", kind.count, render::quoted(kind.name),
-                           values_.left()));
+        refuse(source_, fmt::format("{} elements {}, but {} bytes", kind.count,
+                                    render::quoted(kind.name), values_.left()));
       if (kind.properties.empty()) continue;
       if (kind.name == "vertex")
         read_vertices(kind);
@@ -300,17 +296,14 @@ class ElementReader {
   }
 
  private:
-  [[noreturn]] void refuse(const std::string& reason) const {
-    throw Error(ErrorKind::Input, source_ + ": " + reason);
-  }
-
   void read_vertices(const ElementKind& kind) {
-    if (kind.count > kMaxVertices) refuse(fmt::format("more than {} vertices", kMaxVertices));
+    if (kind.count > kMaxVertices)
+      refuse(source_, fmt::format("more than {} vertices", kMaxVertices));
     std::array<bool, kFields + 1> has{};
     std::vector<Field> meanings;
     for (const Property& property : kind.properties)
       has[meanings.emplace_back(field_of(property))] = true;
-    if (!has[X] || !has[Y] || !has[Z]) refuse("vertices without x, y and z");
+    if (!has[X] || !has[Y] || !has[Z]) refuse(source_, "vertices without x, y and z");
     out_.single_precision = header_.encoding != Encoding::Text &&
                             std::ranges::any_of(kind.properties, [](const Property& p) {
                               return p.name == "x" && p.type.is_single;
@@ -447,7 +440,8 @@ class ElementReader {
   void finish_texture_coordinates() {
     if (face_uvs_.empty()) return;
     face_uvs_.resize(3 * out_.mesh.triangles.size());
-    if (face_uvs_.size() > kMaxVertices) refuse(fmt::format("more than {} vertices", kMaxVertices));
+    if (face_uvs_.size() > kMaxVertices)
+      refuse(source_, fmt::format("more than {} vertices", kMaxVertices));
     split_vertices(out_.mesh);
     out_.mesh.uvs = std::move(face_uvs_);
   }

@@ -10,10 +10,8 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cstring>
 #include <string_view>
 
-#include "base/error.h"
 #include "base/text.h"
 #include "render/loaders/formats.h"
 #include "render/loaders/limits.h"
@@ -73,21 +71,14 @@ bool read_text(std::string_view file, const std::string& source, TriangleMesh& m
   return true;
 }
 
-template <class T>
-T number_at(std::string_view file, size_t byte) {
-  T number{};
-  std::memcpy(&number, file.data() + byte, sizeof number);
-  return number;
-}
-
 /// Returns the number of bytes after the last facet.
 size_t read_binary(std::string_view file, const std::string& source, TriangleMesh& mesh) {
   const auto refuse = [&](size_t byte, const std::string& reason) {
-    throw Error(ErrorKind::Input, fmt::format("{}: byte {}: {}", source, byte, reason));
+    render::refuse(source, fmt::format("byte {}: {}", byte, reason));
   };
   if (file.size() < kFacetsAt) refuse(file.size(), "the file ends in its header");
   const size_t room = (file.size() - kFacetsAt) / kFacetBytes;
-  size_t count = number_at<uint32_t>(file, kCountAt);
+  size_t count = number_at<uint32_t>(file.data() + kCountAt);
   if (count > room)
     refuse(kCountAt, fmt::format("{} facets, but the file has room for {}", count, room));
   if (count == 0) count = room;  // programs that write to a pipe do not go back to it
@@ -98,20 +89,20 @@ size_t read_binary(std::string_view file, const std::string& source, TriangleMes
   bool coloured = has_default;
   std::array<float, 4> usual{kPlainGrey, kPlainGrey, kPlainGrey, 1.0F};
   if (has_default) {
-    const auto rgb = number_at<std::array<uint8_t, 3>>(file, magics + kColour.size());
+    const auto rgb = number_at<std::array<uint8_t, 3>>(file.data() + magics + kColour.size());
     usual = light_of(rgb[0] / 255.0, rgb[1] / 255.0, rgb[2] / 255.0, 1.0);
   }
   for (size_t at = kFacetsAt; mesh.triangles.size() < count; at += kFacetBytes) {
     std::array<Vec3, 3> corners;
     for (size_t k = 0; k < 3; ++k) {
       const size_t byte = at + 12 * (k + 1);
-      const auto p = number_at<std::array<float, 3>>(file, byte);
+      const auto p = number_at<std::array<float, 3>>(file.data() + byte);
       corners[k] = {p[0], p[1], p[2]};
       if (const char* flaw = flaw_of(corners[k]))
         refuse(byte, fmt::format("a corner of facet {} is {}", mesh.triangles.size(), flaw));
     }
     add_facet(corners, mesh);
-    const auto bits = number_at<uint16_t>(file, at + kFacetBytes - 2);
+    const auto bits = number_at<uint16_t>(file.data() + at + kFacetBytes - 2);
     const auto channel = [&](int shift) { return (bits >> shift & 31) / 31.0; };
     const bool has_own = (bits >> 15 != 0) != has_default;
     coloured = coloured || has_own;

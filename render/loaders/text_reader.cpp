@@ -18,6 +18,10 @@ bool is_space(char c) {
 
 }  // namespace
 
+void refuse(const std::string& source, const std::string& reason) {
+  throw Error(ErrorKind::Input, source + ": " + reason);
+}
+
 std::optional<double> parse_number(std::string_view word) {
   if (!word.empty() && word.front() == '+') word.remove_prefix(1);
   return number_from<double>(word);
@@ -105,19 +109,18 @@ int TextReader::integer_in(const char* what, int low, int high) {
   return static_cast<int>(value);
 }
 
+Vec3 TextReader::vector_in(const char* what, double low, double high) {
+  // The elements of a braced list are read in their order.
+  return {number_in(what, low, high), number_in(what, low, high), number_in(what, low, high)};
+}
+
 Vec3 TextReader::point(const char* what) {
-  const double x = number_in(what, -kMaxCoordinate, kMaxCoordinate);
-  const double y = number_in(what, -kMaxCoordinate, kMaxCoordinate);
-  const double z = number_in(what, -kMaxCoordinate, kMaxCoordinate);
-  return {x, y, z};
+  return vector_in(what, -kMaxCoordinate, kMaxCoordinate);
 }
 
 Vec3 TextReader::colour(const char* what) {
   constexpr double kBrightest = 1e6;
-  const double r = number_in(what, 0.0, kBrightest);
-  const double g = number_in(what, 0.0, kBrightest);
-  const double b = number_in(what, 0.0, kBrightest);
-  return {r, g, b};
+  return vector_in(what, 0.0, kBrightest);
 }
 
 bool TextReader::number_follows() {

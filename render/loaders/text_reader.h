@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <cstring>
 #include <optional>
 #include <span>
 #include <string>
@@ -55,6 +56,7 @@ class TextReader {
   void require_at_most(size_t count, size_t most, const char* what) const;
 
  private:
+  [[nodiscard]] Vec3 vector_in(const char* what, double low, double high);
   [[nodiscard]] bool ends_line(size_t position) const;
   [[nodiscard]] bool is_continued(size_t position) const;
   void skip_space();
@@ -66,6 +68,17 @@ class TextReader {
   int scan_line_ = 1;  ///< line of position_
   int line_ = 1;
 };
+
+/// Throws Error(Input) "source: reason".
+[[noreturn]] void refuse(const std::string& source, const std::string& reason);
+
+/// Returns the number that lies there in the order of bytes of the machine, at any address.
+template <class T>
+[[nodiscard]] T number_at(const void* from) {
+  T number{};
+  std::memcpy(&number, from, sizeof number);
+  return number;
+}
 
 /// Returns the bytes of a file as text. Lifetime: must not outlive the bytes.
 [[nodiscard]] inline std::string_view text_of(std::span<const uint8_t> bytes) {

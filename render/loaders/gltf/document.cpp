@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <string_view>
 #include <type_traits>
@@ -18,6 +17,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "render/loaders/limits.h"
+#include "render/loaders/text_reader.h"
 #include "render/loaders/textures.h"
 
 namespace lenticule::render::gltf {
@@ -184,10 +184,6 @@ using nlohmann::json;
 
 constexpr int kDeepestJson = 64;
 
-[[noreturn]] void refuse(const std::string& source, const std::string& reason) {
-  throw Error(ErrorKind::Input, source + ": " + reason);
-}
-
 /// Shortens a message of the JSON parser to its cause, in printable characters.
 std::string tidy(std::string_view message) {
   constexpr size_t kLongest = 160;
@@ -216,11 +212,6 @@ json parse_json(Bytes text, const std::string& source) {
   }
 }
 
-uint32_t little_endian_32(Bytes bytes, size_t at) {
-  return uint32_t{bytes[at]} | uint32_t{bytes[at + 1]} << 8 | uint32_t{bytes[at + 2]} << 16 |
-         uint32_t{bytes[at + 3]} << 24;
-}
-
 struct Chunks {
   Bytes json;
   std::optional<Bytes> binary;
@@ -238,15 +229,16 @@ Chunks chunks_of(Bytes file, const std::string& source) {
   constexpr uint32_t kJson = 0x4E4F534A;
   constexpr uint32_t kBinary = 0x004E4942;
   if (file.size() < kHeaderBytes) refuse(source, "truncated in its header");
-  if (const uint32_t version = little_endian_32(file, 4); version != 2)
+  const auto word = [&](size_t at) { return number_at<uint32_t>(file.data() + at); };
+  if (const uint32_t version = word(4); version != 2)
     refuse(source, fmt::format("container version {}, expected 2", version));
-  const size_t stated = little_endian_32(file, 8);
+  const size_t stated = word(8);
   if (stated > file.size())
     refuse(source, fmt::format("truncated: {} of {} bytes", file.size(), stated));
   Chunks chunks;
   for (size_t at = kHeaderBytes; stated - std::min(at, stated) >= kChunkHeaderBytes;) {
-    const size_t length = little_endian_32(file, at);
-    const uint32_t type = little_endian_32(file, at + 4);
+    const size_t length = word(at);
+    const uint32_t type = word(at + 4);
     at += kChunkHeaderBytes;
     if (length > stated - at)
       refuse(source, fmt::format("chunk of {} bytes, {} are left", length, stated - at));
@@ -407,18 +399,13 @@ BufferView Document::view(size_t index) {
 
 namespace {
 
+/// Type of elements. The columns of MAT2 and MAT3 may have gaps, but nothing reads those two.
 struct Type {
   const char* name;
-  size_t rows;
-  size_t columns;
+  size_t components;
 };
-constexpr std::array<Type, 7> kTypes{{{"SCALAR", 1, 1},
-                                      {"VEC2", 2, 1},
-                                      {"VEC3", 3, 1},
-                                      {"VEC4", 4, 1},
-                                      {"MAT2", 2, 2},
-                                      {"MAT3", 3, 3},
-                                      {"MAT4", 4, 4}}};
+constexpr std::array<Type, 7> kTypes{
+    {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT2", 4}, {"MAT3", 9}, {"MAT4", 16}}};
 
 constexpr size_t kMaxElements = 3 * kMaxTriangles;
 
@@ -426,12 +413,7 @@ template <class T>
 constexpr Component component(uint64_t code) {
   return {.code = code,
           .bytes = sizeof(T),
-          .load =
-              [](const uint8_t* from) {
-                T value{};
-                std::memcpy(&value, from, sizeof value);
-                return static_cast<double>(value);
-              },
+          .load = [](const uint8_t* from) { return static_cast<double>(number_at<T>(from)); },
           .full_scale = sizeof(T) < 4 ? double{std::numeric_limits<T>::max()} : 0.0,
           .is_unsigned = std::is_unsigned_v<T>};
 }
@@ -462,12 +444,8 @@ Accessor::Accessor(Document& document, size_t index)
   const auto* const type =
       std::ranges::find_if(kTypes, [&](const Type& known) { return type_ == known.name; });
   if (type == kTypes.end()) at_.at("type").fail("unknown");
-  components_ = type->rows * type->columns;
-  rows_ = type->rows;
-  column_bytes_ = type->rows * component_->bytes;
-  // The columns of a matrix start at multiples of four bytes.
-  if (type->columns > 1) column_bytes_ = (column_bytes_ + 3) / 4 * 4;
-  element_bytes_ = column_bytes_ * type->columns;
+  components_ = type->components;
+  element_bytes_ = components_ * component_->bytes;
   if (at_.find("bufferView"))
     base_ = elements(document, at_, count_, element_bytes_);
   else
@@ -528,13 +506,11 @@ void Accessor::require(const char* type, size_t count) const {
 
 void Accessor::read(const Elements& elements, size_t index, Element& to) const {
   if (elements.bytes.empty()) return;
-  const uint8_t* column = elements.bytes.data() + index * elements.stride;
-  const size_t bytes = component_->bytes;
-  for (size_t first = 0; first < components_; first += rows_, column += column_bytes_)
-    for (size_t row = 0; row < rows_; ++row) {
-      const double stored = component_->load(column + row * bytes);
-      to[first + row] = normalized_ ? component_->normalized(stored) : stored;
-    }
+  const uint8_t* from = elements.bytes.data() + index * elements.stride;
+  for (size_t n = 0; n < components_; ++n, from += component_->bytes) {
+    const double stored = component_->load(from);
+    to[n] = normalized_ ? component_->normalized(stored) : stored;
+  }
 }
 
 void Accessor::each(const TakeElement& take) const {

@@ -206,8 +206,6 @@ class Accessor {
   bool normalized_ = false;
   size_t count_ = 0;
   size_t components_ = 1;
-  size_t rows_ = 1;          ///< components of one column
-  size_t column_bytes_ = 4;  ///< distance of columns
   size_t element_bytes_ = 4;
   Elements base_;
   std::optional<Sparse> sparse_;
