@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -280,7 +281,8 @@ class Committer {
     add_materials();
     if (surroundings.tone_map.value_or(ToneMap::None) != ToneMap::None && !is_pbr_)
       refuse("tone map:", "no material is metallic-roughness");
-    for_each_mesh(description_, [this](const TriangleMesh& mesh) { add_mesh(mesh); });
+    auto shown = description_.meshes.begin();
+    for_each_mesh(description_, [&](const TriangleMesh& mesh) { add_mesh(mesh, &*shown++); });
     for (const Sphere& sphere : description_.spheres) add_sphere(sphere);
     for (const Cone& cone : description_.cones) add_cone(cone);
     if (surroundings.ground) add_ground(surroundings);
@@ -465,7 +467,8 @@ class Committer {
       backdrop.colour = studio_background(description_).value_or(backdrop.colour);
   }
 
-  void add_mesh(const TriangleMesh& mesh) {
+  /// `shown` is the mesh before its shape was copied, or null.
+  void add_mesh(const TriangleMesh& mesh, const TriangleMesh* shown = nullptr) {
     LENTICULE_CHECK(mesh.node < 0);
     const std::string object = fmt::format("mesh '{}'", mesh.name);
     if (mesh.triangles.empty()) return;
@@ -508,6 +511,30 @@ class Committer {
       shape.normals.emplace_back(normal);
     }
     scene_.meshes.push_back(std::move(shape));
+    instances_.push_back(shown && can_be_instance(*shown) ? shown : nullptr);
+    if (instances_.back() && !prototypes_.try_emplace(shown->shape).second)
+      repeated_triangles_ += mesh.triangles.size();
+  }
+
+  [[nodiscard]] Affine scene_from_shape(const TriangleMesh& shown) const {
+    const auto& [units, origin, up, ground] = scene_.frame;
+    return Affine{{units, 0, 0}, {0, units, 0}, {0, 0, units}, -origin * units} * shown.place;
+  }
+
+  /// Returns false if the last mesh of the scene differs from its shape by more than its place, or
+  /// if single precision would lose digits in the shape's frame: a shape may be stretched along
+  /// its axes, but not be sheared much.
+  [[nodiscard]] bool can_be_instance(const TriangleMesh& shown) const {
+    const MeshShape& mesh = scene_.meshes.back();
+    if (shown.shape < 0 || !mesh.wide.empty() ||
+        mesh.triangles.size() != description_.shape_of(shown).triangles.size())
+      return false;
+    constexpr double kLargest = 1e5;
+    const Affine map = scene_from_shape(shown);
+    const double x = length(map.column_x), y = length(map.column_y), z = length(map.column_z);
+    const auto [least, most] = std::minmax({x, y, z});
+    return most < kLargest && least > 1.0 / kLargest &&
+           2.0 * std::abs(map.determinant()) > x * y * z;
   }
 
   static void add_pbr_vertices(const TriangleMesh& mesh, MeshShape& shape) {
@@ -606,15 +633,22 @@ class Committer {
     // Robust mode: no ray passes between two triangles of a closed surface. Regular grids of rays
     // on regular meshes do hit edges and vertices.
     rtcSetSceneFlags(scene_.embree.get(), RTC_SCENE_FLAG_ROBUST);
+    // Instances save memory, but cost time for each ray.
+    const bool has_instances = repeated_triangles_ > kMostProvable;
     for (size_t i = 0; i < scene_.meshes.size(); ++i) {
       const MeshShape& mesh = scene_.meshes[i];
-      attach(mesh_geometry(mesh), {GeometryEntry::Kind::Mesh, i},
+      const bool is_instance = has_instances && instances_[i];
+      attach(is_instance ? instance_geometry(*instances_[i]) : mesh_geometry(mesh),
+             {GeometryEntry::Kind::Mesh, i},
+             is_instance ? SceneFeature::Instances : SceneFeature::Triangles,
              {mesh.positions.data(), embree_corners(mesh).data()});
     }
     if (!scene_.spheres.empty())
-      attach(make_sphere_geometry(device, scene_.spheres), {GeometryEntry::Kind::Spheres});
+      attach(make_sphere_geometry(device, scene_.spheres), {GeometryEntry::Kind::Spheres},
+             SceneFeature::UserGeometry);
     if (!scene_.cones.empty())
-      attach(make_cone_geometry(device, scene_.cones), {GeometryEntry::Kind::Cones});
+      attach(make_cone_geometry(device, scene_.cones), {GeometryEntry::Kind::Cones},
+             SceneFeature::UserGeometry);
     if (!scene_.wide_triangles.empty())
       attach_last(make_wide_geometry(device, scene_.wide_triangles), SceneFeature::UserGeometry);
     rtcCommitScene(scene_.embree.get());
@@ -672,10 +706,52 @@ class Committer {
     return geometry;
   }
 
-  void attach(EmbreeGeometry geometry, GeometryEntry entry, EmbreeTriangles triangles = {}) {
-    attach_last(std::move(geometry),
-                triangles.corners ? SceneFeature::Triangles : SceneFeature::UserGeometry,
-                triangles);
+  /// Prototype is a shape in Embree, around its centre.
+  struct Prototype {
+    EmbreeHandle<RTCScene> scene;
+    Vec3 centre;
+  };
+
+  [[nodiscard]] Prototype make_prototype(const TriangleMesh& shape) const {
+    Box bounds;
+    for (const Vec3& p : shape.positions) bounds.extend(p);
+    Prototype made{EmbreeHandle<RTCScene>(rtcNewScene(scene_.device.get())),
+                   (bounds.low + bounds.high) * 0.5};
+    const EmbreeGeometry geometry(rtcNewGeometry(scene_.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
+    void* const positions =
+        rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                sizeof(Vec3f), shape.positions.size());
+    void* const triangles =
+        rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                sizeof(shape.triangles[0]), shape.triangles.size());
+    scene_.device.check(description_.source);
+    std::ranges::transform(shape.positions, static_cast<Vec3f*>(positions),
+                           [&](Vec3 p) { return Vec3f(p - made.centre); });
+    std::ranges::copy(shape.triangles, static_cast<std::array<uint32_t, 3>*>(triangles));
+    rtcCommitGeometry(geometry.get());
+    rtcAttachGeometry(made.scene.get(), geometry.get());
+    rtcSetSceneFlags(made.scene.get(), RTC_SCENE_FLAG_ROBUST);
+    rtcCommitScene(made.scene.get());
+    return made;
+  }
+
+  EmbreeGeometry instance_geometry(const TriangleMesh& shown) {
+    Prototype& prototype = prototypes_[shown.shape];
+    if (!prototype.scene) prototype = make_prototype(description_.shape_of(shown));
+    const Affine map = scene_from_shape(shown);
+    const std::array<Vec3f, 4> columns{Vec3f(map.column_x), Vec3f(map.column_y),
+                                       Vec3f(map.column_z), Vec3f(map.point(prototype.centre))};
+    EmbreeGeometry geometry(rtcNewGeometry(scene_.device.get(), RTC_GEOMETRY_TYPE_INSTANCE));
+    rtcSetGeometryInstancedScene(geometry.get(), prototype.scene.get());
+    rtcSetGeometryTransform(geometry.get(), 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, columns.data());
+    rtcSetGeometryMask(geometry.get(), ~0U);
+    rtcCommitGeometry(geometry.get());
+    return geometry;
+  }
+
+  void attach(EmbreeGeometry geometry, GeometryEntry entry, SceneFeature feature,
+              EmbreeTriangles triangles = {}) {
+    attach_last(std::move(geometry), feature, triangles);
     scene_.geometries.push_back(entry);
   }
 
@@ -691,6 +767,11 @@ class Committer {
   const Stage& stage_;
   int threads_;
   Scene& scene_;
+  /// Per mesh of the scene: the mesh of the description that Embree may show as an instance, or
+  /// null.
+  std::vector<const TriangleMesh*> instances_;
+  std::map<int, Prototype> prototypes_;  ///< by number of the shape; made on first use
+  size_t repeated_triangles_ = 0;        ///< of instances, apart from the first of each shape
   bool is_pbr_ = false;
   bool has_ground_shadow_ = false;
 };

@@ -36,12 +36,13 @@ using EmbreeGeometry = EmbreeHandle<RTCGeometry>;
 enum class SceneFeature : unsigned {
   Triangles = RTC_FEATURE_FLAG_TRIANGLE,
   UserGeometry = RTC_FEATURE_FLAG_USER_GEOMETRY_CALLBACK_IN_GEOMETRY,
+  Instances = RTC_FEATURE_FLAG_INSTANCE | RTC_FEATURE_FLAG_TRIANGLE,
 };
 /// Embree 4 reads from `valid` which lanes a callback of a user geometry has hit. For Embree 3,
 /// `valid` is read-only.
 inline constexpr bool kCallbacksReportHits = true;
 #else
-enum class SceneFeature : unsigned { Triangles = 1, UserGeometry = 2 };
+enum class SceneFeature : unsigned { Triangles = 1, UserGeometry = 2, Instances = 5 };
 inline constexpr bool kCallbacksReportHits = false;
 #endif
 
@@ -81,6 +82,14 @@ class EmbreeScene {
     features_ |= static_cast<unsigned>(feature);
     triangles_.resize(std::max<size_t>(triangles_.size(), number + 1));
     triangles_[number] = triangles;
+    has_instances_ = has_instances_ || feature == SceneFeature::Instances;
+  }
+  [[nodiscard]] bool has_instances() const { return has_instances_; }
+
+  /// Replaces the number of a geometry that was hit within an instance by the number of the
+  /// instance, which is the one that the rest of the renderer knows.
+  void name_instance(unsigned& geometry, unsigned instance) const {
+    if (has_instances_ && instance != RTC_INVALID_GEOMETRY_ID) geometry = instance;
   }
 
   [[nodiscard]] HitPlane plane(unsigned geometry, unsigned primitive) const {
@@ -96,6 +105,7 @@ class EmbreeScene {
   unsigned features_ = 0;
   /// Indexed by the geometry's number; user geometries have no triangles.
   std::vector<EmbreeTriangles> triangles_;
+  bool has_instances_ = false;
 };
 
 /// EmbreeDevice owns a device and remembers the first error that Embree reported through its
@@ -191,6 +201,7 @@ void query(Function* function, const EmbreeScene& scene, Rays& rays, Coherence c
 inline void intersect1(const EmbreeScene& scene, RTCRayHit& ray) {
   query(rtcIntersect1, scene, ray, Coherence::Incoherent);
   if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return;
+  scene.name_instance(ray.hit.geomID, ray.hit.instID[0]);
   ray.ray.tfar = scene.plane(ray.hit.geomID, ray.hit.primID)
                      .distance({ray.ray.org_x, ray.ray.org_y, ray.ray.org_z},
                                {ray.ray.dir_x, ray.ray.dir_y, ray.ray.dir_z}, ray.ray.tfar);

@@ -67,7 +67,10 @@ Coherence coherence_of(const int* valid, const RTCRay16& rays) {
 
 namespace {
 
-Coherence checked(Coherence wanted, const int* valid, const RTCRay16& rays) {
+/// Rays of one octant may lie in several in the frame of an instance.
+Coherence checked(Coherence wanted, const int* valid, const RTCRay16& rays,
+                  const EmbreeScene& scene) {
+  if (scene.has_instances()) return Coherence::Incoherent;
   return wanted == Coherence::Coherent ? coherence_of(valid, rays) : wanted;
 }
 
@@ -98,7 +101,7 @@ void query_parts(Function* function, const EmbreeScene& scene, Whole& rays, Cohe
 
 void intersect16(const int* valid, const EmbreeScene& scene, RTCRayHit16& rays, Coherence coherence,
                  int width) {
-  coherence = checked(coherence, valid, rays.ray);
+  coherence = checked(coherence, valid, rays.ray, scene);
   if (width == 16)
     query(rtcIntersect16, scene, rays, coherence, valid);
   else if (width == 8)
@@ -111,6 +114,7 @@ void intersect16(const int* valid, const EmbreeScene& scene, RTCRayHit16& rays, 
   HitPlane plane;
   for (size_t r = 0; r < kPacket; ++r) {
     if (valid[r] == 0 || rays.hit.geomID[r] == RTC_INVALID_GEOMETRY_ID) continue;
+    scene.name_instance(rays.hit.geomID[r], rays.hit.instID[0][r]);
     if (rays.hit.geomID[r] != geometry || rays.hit.primID[r] != primitive)
       plane = scene.plane(geometry = rays.hit.geomID[r], primitive = rays.hit.primID[r]);
     ray.tfar[r] = plane.distance({ray.org_x[r], ray.org_y[r], ray.org_z[r]},
@@ -120,7 +124,7 @@ void intersect16(const int* valid, const EmbreeScene& scene, RTCRayHit16& rays, 
 
 void occluded16(const int* valid, const EmbreeScene& scene, RTCRay16& rays, Coherence coherence,
                 int width) {
-  coherence = checked(coherence, valid, rays);
+  coherence = checked(coherence, valid, rays, scene);
   if (width == 16) return query(rtcOccluded16, scene, rays, coherence, valid);
   if (width == 8) return query_parts<RTCRay8, 8>(rtcOccluded8, scene, rays, coherence, valid);
   query_parts<RTCRay4, 4>(rtcOccluded4, scene, rays, coherence, valid);
