@@ -269,6 +269,9 @@ double shortened(double number) {
 /// than a frame gains.
 constexpr size_t kMostProvable = size_t{1} << 19;
 
+/// Least number of triangles of a shape of which Embree gets instances.
+constexpr size_t kLeastInstance = 64;
+
 /// Committer converts one description to the scene frame and checks every number.
 class Committer {
  public:
@@ -521,12 +524,12 @@ class Committer {
     return Affine{{units, 0, 0}, {0, units, 0}, {0, 0, units}, -origin * units} * shown.place;
   }
 
-  /// Returns false if the last mesh of the scene differs from its shape by more than its place, or
-  /// if single precision would lose digits in the shape's frame: a shape may be stretched along
-  /// its axes, but not be sheared much.
+  /// Returns false if the last mesh of the scene differs from its shape by more than its place, if
+  /// it is so small that Embree's scene of it would be larger, or if single precision would lose
+  /// digits in the shape's frame: a shape may be stretched along its axes, but not be sheared much.
   [[nodiscard]] bool can_be_instance(const TriangleMesh& shown) const {
     const MeshShape& mesh = scene_.meshes.back();
-    if (shown.shape < 0 || !mesh.wide.empty() ||
+    if (shown.shape < 0 || !mesh.wide.empty() || mesh.triangles.size() < kLeastInstance ||
         mesh.triangles.size() != description_.shape_of(shown).triangles.size())
       return false;
     constexpr double kLargest = 1e5;

@@ -113,6 +113,14 @@ TEST(FewInstances, HaveTheBytesOfTheSceneWrittenOut) {
   }
 }
 
+TEST(SmallShapes, AreNoInstances) {
+  SceneDescription scene;
+  scene.materials = {Material{}};
+  scene.shapes = {std::make_shared<const TriangleMesh>(test::box_mesh({0, 0, 0}, {1, 1, 1}, 0))};
+  scene.meshes.assign(60'000, {.shape = 0});
+  EXPECT_FALSE(Scene(scene, make_tiny_stage(), {}).embree.has_instances());
+}
+
 TEST(SceneKeeper, KeepsInstancesWhileTheStageTurns) {
   const Renderer render;
   const auto scene = std::make_shared<const SceneDescription>(balls(kRings, true));
