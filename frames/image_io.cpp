@@ -43,13 +43,13 @@ class InThisProcess final : public PictureFileReader {
  public:
   PictureInfo probe(const std::filesystem::path& file) const override {
     const auto bytes = read_whole_file(file, kMaxFileBytes);
-    return picture_codec(bytes).probe(bytes, file.string());
+    return picture_codec(bytes, file.string()).probe(bytes, file.string());
   }
   void read(const EncodedPicture& picture, PictureSink& sink, PictureValues values) const override {
     std::vector<uint8_t> file;
     if (!picture.file.empty()) file = read_whole_file(picture.file, kMaxFileBytes);
     const std::span<const uint8_t> bytes = picture.file.empty() ? picture.bytes : file;
-    picture_codec(bytes).decode(bytes, picture.name, values, sink);
+    picture_codec(bytes, picture.name).decode(bytes, picture.name, values, sink);
   }
 };
 

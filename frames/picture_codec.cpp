@@ -95,12 +95,9 @@ class PngReader {
 
   /// Returns the orientation; Upright if the tag is missing or invalid.
   [[nodiscard]] Orientation orientation() {
-    constexpr uint32_t kOrientation = 0x0112;
     spng_exif exif{};
     if (!has(spng_get_exif(context_.get(), &exif))) return Orientation::Upright;
-    const ExifTags tags({reinterpret_cast<const uint8_t*>(exif.data), exif.length});
-    const uint32_t tag = tags.value(tags.first_directory(), kOrientation).value_or(1);
-    return tag >= 1 && tag <= 8 ? static_cast<Orientation>(tag) : Orientation::Upright;
+    return ExifTags({reinterpret_cast<const uint8_t*>(exif.data), exif.length}).orientation();
   }
 
   [[nodiscard]] double pixel_aspect() {
@@ -133,28 +130,6 @@ class PngReader {
 /// Every format of 16 bits is decoded to four channels.
 constexpr size_t kWideChannels = 4;
 
-/// RowsOfSink hands out single rows of a sink that returns several at a time.
-class RowsOfSink {
- public:
-  RowsOfSink(PictureSink& sink, const PictureInfo& info)
-      : sink_(sink),
-        height_(info.geometry.height),
-        row_bytes_(static_cast<size_t>(info.geometry.width) * info.pixel_bytes) {}
-  uint8_t* row(int y) {
-    if (left_.empty()) left_ = sink_.rows(y, height_ - y);
-    uint8_t* const row = left_.data();
-    left_ = left_.subspan(row_bytes_);
-    return row;
-  }
-  [[nodiscard]] size_t row_bytes() const { return row_bytes_; }
-
- private:
-  PictureSink& sink_;
-  int height_;
-  size_t row_bytes_;
-  std::span<uint8_t> left_;
-};
-
 class PngCodec final : public PictureCodec {
  public:
   [[nodiscard]] PictureInfo probe(std::span<const uint8_t> bytes,
@@ -168,7 +143,6 @@ class PngCodec final : public PictureCodec {
     PngReader reader(bytes, name);
     PictureInfo info = reader.info();
     if (!codes) info.pixel_bytes = reader.has_16_bits() ? 4 * sizeof(float) : 4;
-    sink.accept(info);
     RowsOfSink out(sink, info);
     if (!reader.has_16_bits())
       return reader.decode(codes ? SPNG_FMT_RGB8 : SPNG_FMT_RGBA8, out.row_bytes(),
@@ -283,8 +257,15 @@ const PictureCodec& picture_codec(ImageFormat format) {
   return codec;
 }
 
-const PictureCodec& picture_codec(std::span<const uint8_t> bytes) {
-  return picture_codec(detect_format(bytes, {}));
+const PictureCodec* built_in_codec(std::span<const uint8_t> bytes, const std::string& name) {
+  const ImageFormat format = detect_format(bytes, {});
+  if (format == ImageFormat::Png) return &png_codec();
+  return format == ImageFormat::Jpeg ? jpeg_codec(bytes, name) : nullptr;
+}
+
+const PictureCodec& picture_codec(std::span<const uint8_t> bytes, const std::string& name) {
+  const PictureCodec* const built_in = built_in_codec(bytes, name);
+  return built_in != nullptr ? *built_in : picture_codec(ImageFormat::Unknown);
 }
 
 }  // namespace lenticule::frames

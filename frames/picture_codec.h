@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// PictureCodec decodes and encodes pictures. PNG is part of the program.
-// Other formats are in a library (frames/pictures) that is loaded when the first such picture is
-// read or written: loading OpenImageIO and its dependencies takes longer than a player takes to
-// show its first frame.
+// PictureCodec decodes and encodes pictures. PNG and the decoding of most JPEGs are part of the
+// program. Other formats are in a library (frames/pictures) that is loaded when the first such
+// picture is read or written: loading OpenImageIO and its dependencies takes longer than a player
+// takes to show its first frame.
 #pragma once
 
 #include <cstdint>
@@ -59,13 +59,42 @@ class PictureCodec {
                                                     const std::string& name) const = 0;
 };
 
-/// Returns the codec of a format, and of the picture that begins with `bytes`. That of all formats
-/// but PNG is loaded on the first call and never unloaded. Throws Error(Failed) with the library's
-/// name and the loader's message.
+/// RowsOfSink hands out single rows of a sink that returns several at a time.
+class RowsOfSink {
+ public:
+  /// Calls the sink's accept().
+  RowsOfSink(PictureSink& sink, const PictureInfo& info)
+      : sink_(sink),
+        height_(info.geometry.height),
+        row_bytes_(static_cast<size_t>(info.geometry.width) * info.pixel_bytes) {
+    sink.accept(info);
+  }
+  uint8_t* row(int y) {
+    if (left_.empty()) left_ = sink_.rows(y, height_ - y);
+    uint8_t* const row = left_.data();
+    left_ = left_.subspan(row_bytes_);
+    return row;
+  }
+  [[nodiscard]] size_t row_bytes() const { return row_bytes_; }
+
+ private:
+  PictureSink& sink_;
+  int height_;
+  size_t row_bytes_;
+  std::span<uint8_t> left_;
+};
+
+/// Returns the codec that encodes a format, and the one that decodes a picture. Those of all
+/// formats but PNG and usual JPEGs are loaded on the first call and never unloaded. Throw
+/// Error(Failed) with the library's name and the loader's message.
 ///
 /// Thread safety: any thread.
 [[nodiscard]] const PictureCodec& picture_codec(ImageFormat format);
-[[nodiscard]] const PictureCodec& picture_codec(std::span<const uint8_t> bytes);
+[[nodiscard]] const PictureCodec& picture_codec(std::span<const uint8_t> bytes,
+                                                const std::string& name);
+/// Returns null if only the loaded library decodes the picture.
+[[nodiscard]] const PictureCodec* built_in_codec(std::span<const uint8_t> bytes,
+                                                 const std::string& name);
 
 /// Type and name of the function that the library exports. The function returns null for a
 /// `version` that is not its own.
@@ -104,13 +133,16 @@ class PictureFileReader {
 /// Lifetime: `reader` must live until the process ends or null is set.
 void use_picture_reader(const PictureFileReader* reader) noexcept;
 
-// Decodes and encodes PNG, the format of most pictures, with a library that loads in a millisecond:
-// OpenImageIO and what it depends on take half a second.
+// Codecs of the formats of most pictures, with libraries that load in a millisecond: OpenImageIO
+// and what it depends on take half a second. They change no code value: chunks that describe
+// colours are ignored.
 
-/// Returns the codec. Its functions take PNG only, and change no code value: chunks that describe
-/// colours are ignored.
+/// Return the codec of PNG, and the decoder of JPEG: null for unusual ones (CMYK, arithmetic
+/// coding, two eyes, a damaged header).
 ///
 /// Thread safety: any thread.
 [[nodiscard]] const PictureCodec& png_codec();
+[[nodiscard]] const PictureCodec* jpeg_codec(std::span<const uint8_t> bytes,
+                                             const std::string& name);
 
 }  // namespace lenticule::frames

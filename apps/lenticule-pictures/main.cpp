@@ -134,15 +134,16 @@ std::string name_of(const PictureRequestMessage& message) {
   return "picture" + std::string(message.extension.begin(), end);
 }
 
-void serve(const Received& received, std::span<uint8_t> memory) {
+void serve(const Received& received, std::span<uint8_t> memory, bool reads_all) {
   const std::vector<uint8_t> bytes = bytes_of(received);
   const std::string name = name_of(received.message);
-  if (received.message.request == PictureRequest::Probe) {
-    send(header_of(frames::picture_codec(bytes).probe(bytes, name)));
-    return;
-  }
+  const frames::PictureCodec* const codec =
+      reads_all ? &frames::picture_codec(bytes, name) : frames::built_in_codec(bytes, name);
+  if (codec == nullptr) return send({.reply = PictureReply::Unusual});
+  if (received.message.request == PictureRequest::Probe)
+    return send(header_of(codec->probe(bytes, name)));
   RowsToPlayer sink(memory);
-  frames::picture_codec(bytes).decode(bytes, name, received.message.values, sink);
+  codec->decode(bytes, name, received.message.values, sink);
   sink.finish();
   send({.reply = PictureReply::Done});
 }
@@ -170,11 +171,11 @@ std::span<uint8_t> map_memory() {
 void warm_up() {
   constexpr std::string_view kPixel = "P6\n1 1\n255\nabc";
   const std::span bytes(reinterpret_cast<const uint8_t*>(kPixel.data()), kPixel.size());
-  (void)frames::picture_codec(bytes).probe(bytes, "pixel.ppm");
+  (void)frames::picture_codec(bytes, "pixel.ppm").probe(bytes, "pixel.ppm");
 }
 
 /// Arguments: the process that may start this one, the version of the program that starts it, and
-/// the formats to read, "png" or "all".
+/// the pictures to read, "usual" or "all".
 int run(const std::vector<std::string>& arguments) {
   if (arguments.size() == 3 && arguments[1] != LENTICULE_VERSION)
     throw Error(ErrorKind::Usage, "started by another version", "restart the player");
@@ -187,14 +188,15 @@ int run(const std::vector<std::string>& arguments) {
   (void)::mallopt(M_MMAP_THRESHOLD, 1 << 20);
   (void)::mallopt(M_ARENA_MAX, 1);
   const std::span<uint8_t> memory = map_memory();
-  if (arguments[2] != "png") warm_up();
+  const bool reads_all = arguments[2] == "all";
+  if (reads_all) warm_up();
   video::confine(kPictureMemoryLimit, *parent, kDescriptors);
   send({.reply = PictureReply::Idle});
   try {
     while (true) {
       const Received received = receive();
       try {
-        serve(received, memory);
+        serve(received, memory, reads_all);
       } catch (const PictureUnwanted&) {
         send({.reply = PictureReply::Idle});
       } catch (const PlayerGone&) {

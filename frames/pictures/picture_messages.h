@@ -37,10 +37,11 @@ struct PictureRequestMessage {
   std::array<char, 16> extension = {};  ///< extension of the file's name, zero-terminated
 };
 
-enum class PictureReply : uint32_t { Idle, Header, Rows, Done, Failed };
+enum class PictureReply : uint32_t { Idle, Header, Rows, Done, Failed, Unusual };
 
-/// PictureReplyMessage is a reply. After the Header of a Decode and after each Rows the decoder
-/// waits for Continue, or for Stop, which makes it idle.
+/// PictureReplyMessage is a reply. A decoder of usual pictures only replies Unusual to others.
+/// After the Header of a Decode and after each Rows the decoder waits for Continue, or for Stop,
+/// which makes it idle.
 struct PictureReplyMessage {
   PictureReply reply = PictureReply::Idle;
   int32_t width = 0;

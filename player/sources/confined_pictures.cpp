@@ -37,8 +37,11 @@ constexpr ConfinedProgram kProgram{.name = "lenticule-pictures",
                                    .package = "lenticule-media",
                                    .remedy = "the file is broken; save it again as PNG"};
 
-/// Formats that a decoder reads. A decoder of PNG alone starts in a hundredth of the time.
-enum class Formats { Png, All };
+/// Formats that a decoder reads. One of PNG and usual JPEGs starts in a hundredth of the time.
+enum class Formats { Usual, All };
+
+/// Thrown by a decoder of usual pictures for others.
+class UnusualPicture final : public std::exception {};
 
 /// OpenPicture is a picture whose bytes can be passed to a decoder.
 struct OpenPicture {
@@ -62,13 +65,14 @@ Formats formats_for(const OpenPicture& picture) {
   std::array<uint8_t, kSignature> begin{};
   if (pread(picture.file.descriptor.get(), begin.data(), begin.size(), 0) != ssize_t{kSignature})
     return Formats::All;
-  const bool is_png = frames::detect_format(begin, {}) == frames::ImageFormat::Png;
-  return is_png ? Formats::Png : Formats::All;
+  const frames::ImageFormat format = frames::detect_format(begin, {});
+  const bool usual = format == frames::ImageFormat::Png || format == frames::ImageFormat::Jpeg;
+  return usual ? Formats::Usual : Formats::All;
 }
 
 std::vector<std::string> command_of(const std::filesystem::path& program, Formats formats) {
   return {program.string(), std::to_string(getpid()), LENTICULE_VERSION,
-          formats == Formats::Png ? "png" : "all"};
+          formats == Formats::Usual ? "usual" : "all"};
 }
 
 /// Decoder is one decoder process. Thread safety: one thread at a time.
@@ -122,6 +126,10 @@ class Decoder {
     if (reply.reply == wire::PictureReply::Failed) {
       idle_ = true;
       fail_with(picture, reply);
+    }
+    if (reply.reply == wire::PictureReply::Unusual) {
+      idle_ = true;
+      throw UnusualPicture();
     }
     if (reply.reply != wire::PictureReply::Header) process_.fail_protocol();
     const bool codes = values == frames::PictureValues::Codes;
@@ -316,7 +324,7 @@ class ConfinedPictures::Pool {
 
 ConfinedPictures::ConfinedPictures(const std::filesystem::path& program,
                                    const PictureLimits& limits)
-    : png_(std::make_unique<Pool>(program, limits, Formats::Png)),
+    : usual_(std::make_unique<Pool>(program, limits, Formats::Usual)),
       all_(std::make_unique<Pool>(program, limits, Formats::All)) {}
 
 ConfinedPictures::~ConfinedPictures() = default;
@@ -324,13 +332,19 @@ ConfinedPictures::~ConfinedPictures() = default;
 template <class Use>
 auto ConfinedPictures::with_decoder(const frames::EncodedPicture& picture, Use&& use) const {
   const OpenPicture open = open_picture(picture);
-  Pool& pool = formats_for(open) == Formats::Png ? *png_ : *all_;
-  struct Loan {
-    Pool& pool;
-    std::unique_ptr<Decoder> decoder = pool.take();
-    ~Loan() { pool.give_back(std::move(decoder)); }
-  } loan{pool};
-  return use(*loan.decoder, open);
+  const auto use_one_of = [&](Pool& pool) {
+    struct Loan {
+      Pool& pool;
+      std::unique_ptr<Decoder> decoder = pool.take();
+      ~Loan() { pool.give_back(std::move(decoder)); }
+    } loan{pool};
+    return use(*loan.decoder, open);
+  };
+  if (formats_for(open) == Formats::Usual) try {
+      return use_one_of(*usual_);
+    } catch (const UnusualPicture&) {
+    }
+  return use_one_of(*all_);
 }
 
 frames::PictureInfo ConfinedPictures::probe(const std::filesystem::path& file) const {
@@ -346,14 +360,14 @@ void ConfinedPictures::read(const frames::EncodedPicture& picture, frames::Pictu
 }
 
 std::vector<pid_t> ConfinedPictures::idle() const {
-  std::vector<pid_t> pids = png_->idle();
+  std::vector<pid_t> pids = usual_->idle();
   const std::vector<pid_t> others = all_->idle();
   pids.insert(pids.end(), others.begin(), others.end());
   return pids;
 }
 
 uint64_t ConfinedPictures::started() const {
-  return png_->started() + all_->started();
+  return usual_->started() + all_->started();
 }
 
 }  // namespace lenticule::player

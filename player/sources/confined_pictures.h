@@ -51,7 +51,7 @@ class ConfinedPictures final : public frames::PictureFileReader {
   template <class Use>
   auto with_decoder(const frames::EncodedPicture& picture, Use&& use) const;
 
-  std::unique_ptr<Pool> png_;  ///< decoders for PNG only, which start at once
+  std::unique_ptr<Pool> usual_;  ///< decoders of PNG and usual JPEGs, which start at once
   std::unique_ptr<Pool> all_;
 };
 

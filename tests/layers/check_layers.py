@@ -51,6 +51,7 @@ LIBRARIES = {
     "embree": "render lab",
     "OpenImageIO": "frames",
     "libheif": "frames",
+    "jpeglib": "frames",
     "assimp": "render",
     "draco": "render",
     "meshoptimizer": "render",

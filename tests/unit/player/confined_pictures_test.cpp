@@ -16,11 +16,14 @@
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/frames/heif_maker.h"
+#include "tests/unit/frames/jpeg_maker.h"
 #include "tests/unit/frames/png_maker.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::player {
 namespace {
+
+constexpr auto kViews = frames::PictureUse::Views;
 
 /// Collects the rows of one picture.
 class Rows final : public frames::PictureSink {
@@ -61,6 +64,27 @@ TEST_F(ConfinedPicturesTest, OtherFormatsHaveADecoderOfTheirOwn) {
   }
   EXPECT_EQ(pictures_.started(), 2u);
   EXPECT_EQ(pictures_.idle().size(), 2u);
+}
+
+TEST_F(ConfinedPicturesTest, UsualJpegsHaveTheDecoderOfPng) {
+  test::write_bytes(file("good.jpg"), test::jpeg_of(40, 24, {.exif = test::exif_of(6)}));
+  test::write_bytes(file("print.jpg"),
+                    test::jpeg_of(40, 24, {.pixels = JCS_CMYK, .stored = JCS_CMYK}));
+  expect_picture();
+  const auto expect_as_here = [&](const char* name) {
+    EXPECT_EQ(pictures_.probe(file(name)), frames::probe_picture(file(name), kViews));
+    Rows rows;
+    pictures_.read(file(name), rows);
+    EXPECT_EQ(rows.frame.width(), 40);
+  };
+  expect_as_here("good.jpg");
+  EXPECT_EQ(pictures_.started(), 1U);
+  for (int i = 0; i < 2; ++i) expect_as_here("print.jpg");
+  EXPECT_EQ(pictures_.started(), 2U) << "a picture of CMYK ended the decoder that refused it";
+  EXPECT_EQ(pictures_.idle().size(), 2U);
+  std::filesystem::resize_file(file("good.jpg"), file_size(file("good.jpg")) - 9);
+  test::expect_error(test::error_of([&] { (void)pictures_.probe(file("good.jpg")); }),
+                     ErrorKind::Input, "good.jpg: truncated");
 }
 
 TEST_F(ConfinedPicturesTest, PhotographsOfPhonesAreReadInConfinement) {
