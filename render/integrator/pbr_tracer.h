@@ -67,8 +67,7 @@ class PbrLanes {
     Found found{.all = kernel_.find(scene.pbr->tables(), scene.pbr->beam(beam),
                                     &packet.rays.ray.org_x[0], valid, surfaces_, points_)};
     if (found.all == 0) return found;
-    for (uint32_t left = points_.textured; left != 0; left &= left - 1)
-      apply_textures(scene, packet, static_cast<size_t>(std::countr_zero(left)));
+    for (uint32_t left = points_.textured; left != 0;) left &= ~apply_textures(scene, packet, left);
     for (size_t r = 0; r < kPacket; ++r) {
       found.shown |= points_.alpha[r] > 0.0F ? kLaneBit[r] : 0;
       found.passing |= points_.alpha[r] < 1.0F ? kLaneBit[r] : 0;
@@ -79,6 +78,8 @@ class PbrLanes {
       points_.active[r] = (found.shown & kLaneBit[r]) != 0 ? -1 : 0;
     return found;
   }
+  /// Returns memory for look-ups, which find() overwrites.
+  [[nodiscard]] LaneTextures& textures() { return textures_; }
   /// Returns the share of the light that a point does not let pass.
   [[nodiscard]] double alpha(size_t lane) const { return double{points_.alpha[lane]}; }
   /// Returns the start of a ray that goes on behind a point.
@@ -122,7 +123,6 @@ class PbrLanes {
   static Vec3 lane_of(const float (&v)[3][kPacket], size_t lane) {
     return {double{v[0][lane]}, double{v[1][lane]}, double{v[2][lane]}};
   }
-
   static Vec2 lane_of(const float (&v)[2][kPacket], size_t lane) {
     return {double{v[0][lane]}, double{v[1][lane]}};
   }
@@ -135,53 +135,39 @@ class PbrLanes {
       set_lane(scene.pbr->environment().source(normalized(lane_of(mirror, r))), r, source);
     }
   }
-  void apply_textures(const Scene& scene, const RayPacket& packet, size_t lane) {
-    const auto number = static_cast<size_t>(surfaces_.material[lane]);
-    const PbrMaterial& material = *scene.materials[number].pbr;
-    const MaterialInputs& inputs = scene.pbr->inputs(number);
-    const GeometryEntry& geometry = scene.geometries[packet.rays.hit.geomID[lane]];
-    const double side = surfaces_.outer_side[lane] != 0 ? 1.0 : -1.0;
-    SurfacePlace place{.at = {double{surfaces_.u[lane]}, double{surfaces_.v[lane]}},
-                       .across = lane_of(points_.across, lane),
-                       .along = lane_of(points_.along, lane),
-                       .normal = lane_of(surfaces_.smooth, lane) * side};
-    if (geometry.kind == GeometryEntry::Kind::Mesh) {
-      place.mesh = &scene.meshes[geometry.mesh];
-      place.triangle = packet.rays.hit.primID[lane];
-      place.corners = place.mesh->triangles[place.triangle];
+  /// Applies the textures of the first of `lanes` and of those that met the same geometry and
+  /// material; returns these lanes.
+  uint32_t apply_textures(const Scene& scene, const RayPacket& packet, uint32_t lanes) {
+    const auto first = static_cast<size_t>(std::countr_zero(lanes));
+    const RTCHit16& hit = packet.rays.hit;
+    uint32_t same = 0;
+    for (size_t r = 0; r < kPacket; ++r)
+      same |=
+          hit.geomID[r] == hit.geomID[first] && surfaces_.material[r] == surfaces_.material[first]
+              ? kLaneBit[r]
+              : 0;
+    same &= lanes;
+    const auto number = static_cast<size_t>(surfaces_.material[first]);
+    const GeometryEntry& geometry = scene.geometries[hit.geomID[first]];
+    const MeshShape* mesh =
+        geometry.kind == GeometryEntry::Kind::Mesh ? &scene.meshes[geometry.mesh] : nullptr;
+    textures_.start(mesh);
+    for (uint32_t left = same; left != 0; left &= left - 1) {
+      const auto r = static_cast<size_t>(std::countr_zero(left));
+      SurfacePlace place{.at = {double{surfaces_.u[r]}, double{surfaces_.v[r]}},
+                         .across = lane_of(points_.across, r),
+                         .along = lane_of(points_.along, r)};
+      if (mesh != nullptr) place.corners = mesh->triangles[hit.primID[r]];
+      textures_.add(r, place);
     }
-    InputReader reader(scene, place);
-    const MipMaps::Value base = reader.base(material, inputs.base_colour);
-    points_.alpha[lane] = static_cast<float>(base[3]);
-    if (base[3] == 0.0) return;
-    PbrPoint point;
-    const Vec3 mean_normal = reader.read_mirror(material, inputs, point);
-    set_lane({base[0], base[1], base[2]}, lane, points_.colour);
-    set_lane(point.emission, lane, points_.emission);
-    points_.metallic[lane] = static_cast<float>(point.metallic);
-    points_.roughness[lane] = static_cast<float>(point.roughness);
-    points_.occlusion[lane] = static_cast<float>(point.occlusion);
-    set_lane(dielectric_f0(point.ior, point.specular, point.specular_colour), lane, points_.f0);
-    points_.f90[lane] = static_cast<float>(point.specular);
-    if (inputs.normal.maps != nullptr) {
-      set_lane(normalized(mean_normal) * side, lane, points_.normal);
-      points_.spread[lane] = static_cast<float>(spread_of_normals(length(mean_normal)));
-    }
-    if (material.clearcoat > 0.0) apply_coat_textures(material, inputs, side, reader, lane);
-  }
-
-  void apply_coat_textures(const PbrMaterial& material, const MaterialInputs& inputs, double side,
-                           InputReader& reader, size_t lane) {
-    points_.coat[lane] = static_cast<float>(reader.scaled(material.clearcoat, inputs.clearcoat, 0));
-    points_.coat_roughness[lane] = static_cast<float>(std::clamp(
-        reader.scaled(material.clearcoat_roughness, inputs.clearcoat_roughness, 1), 0.0, 1.0));
-    if (inputs.clearcoat_normal.maps == nullptr) return;
-    const Vec3 normal = reader.mapped_normal(inputs.clearcoat_normal, 1.0);
-    set_lane(normalized(normal) * side, lane, points_.coat_normal);
-    points_.coat_spread[lane] = static_cast<float>(spread_of_normals(length(normal)));
+    kernel_.apply(scene.pbr->tables().materials[number],
+                  textures_.all(*scene.materials[number].pbr, scene.pbr->inputs(number)), surfaces_,
+                  points_);
+    return same;
   }
 
   const pbr_kernel::Kernel& kernel_;
+  LaneTextures textures_;
   shading_kernel::Surfaces surfaces_{};
   pbr_kernel::Points points_{};
   pbr_kernel::Shaded shaded_{};
@@ -382,13 +368,48 @@ class PbrTracer {
       paths_[r].weight = paths_[r].weight * (1.0 - plain_.alpha(r));
       if (pass(plain_.behind(r), paths_[r])) found.going |= kLaneBit[r];
     }
+    uint32_t lit = 0;
     for (uint32_t left = others; left != 0; left &= left - 1) {
       const auto r = static_cast<size_t>(std::countr_zero(left));
       met_[r].shader.reset();
-      if (meet(view, packet, r)) found.going |= kLaneBit[r];
+      switch (meet(view, packet, r)) {
+        case Next::End:
+          break;
+        case Next::Pass:
+          found.going |= kLaneBit[r];
+          break;
+        case Next::Shade:
+          lit |= kLaneBit[r];
+          break;
+      }
+    }
+    while (lit != 0) lit &= ~meet_mesh(view, packet, lit, found);
+    return found;
+  }
+  /// Shades the first of `lanes`, and those that met the same mesh, since these share look-ups of
+  /// textures. Returns these lanes.
+  uint32_t meet_mesh(const View& view, const RayPacket& packet, uint32_t lanes, Lanes& found) {
+    const MeshShape* mesh = met_[static_cast<size_t>(std::countr_zero(lanes))].surface.mesh;
+    LaneTextures& textures = plain_.textures();
+    textures.start(mesh);
+    uint32_t same = 0;
+    for (uint32_t left = lanes; left != 0; left &= left - 1) {
+      const auto r = static_cast<size_t>(std::countr_zero(left));
+      const Surface& surface = met_[r].surface;
+      if (surface.mesh != mesh) continue;
+      same |= kLaneBit[r];
+      textures.add(
+          r, place_of(view.scene, surface, paths_[r].direction, view.footprint(surface.point)));
+    }
+    for (uint32_t left = same; left != 0; left &= left - 1) {
+      const auto r = static_cast<size_t>(std::countr_zero(left));
+      InputReader reader(view.scene, textures.place(r), &textures, r);
+      const PbrSurface shaded =
+          view.pbr.surface(met_[r].surface, paths_[r].direction, textures.place(r), reader);
+      if (shade_alone(view, packet, r, shaded)) found.going |= kLaneBit[r];
       if (met_[r].shader) found.alone |= kLaneBit[r];
     }
-    return found;
+    return same;
   }
   /// Adds the light of a layer, after the tone map, to the paths.
   void show(const View& view, uint32_t lanes) {
@@ -399,14 +420,16 @@ class PbrTracer {
         result_.rgb[c][r] +=
             (lanes & kLaneBit[r]) != 0 ? weight_.rgb[c][r] * shown.rgb[c][r] : 0.0F;
   }
-  /// Computes the surface that a lane met, and its light except that of lights. Returns false if
-  /// the path ends there.
-  bool meet(const View& view, const RayPacket& packet, size_t lane) {
+  /// What a path does at the surface that a lane met.
+  enum class Next { End, Pass, Shade };
+  /// Finds the surface.
+  Next meet(const View& view, const RayPacket& packet, size_t lane) {
+    const auto next = [](bool passes) { return passes ? Next::Pass : Next::End; };
     Path& path = paths_[lane];
     const RTCRay16& ray = packet.rays.ray;
     if (packet.rays.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID) {
       leave(view, path);
-      return false;
+      return Next::End;
     }
     const double stretch =
         length(Vec3{double{ray.dir_x[lane]}, double{ray.dir_y[lane]}, double{ray.dir_z[lane]}});
@@ -421,13 +444,20 @@ class PbrTracer {
       path.weight = path.weight * attenuation(*path.medium, length(surface.point - path.origin) /
                                                                 view.scene.frame.units_per_world);
     if (!surface.outer_side && is_volume(material) && path.medium != nullptr)
-      return exit(view, packet, lane);
+      return next(exit(view, packet, lane));
     if (!surface.outer_side && !material.double_sided) {
       note(packet, lane, Way::Unseen);
-      return pass(surface, path);
+      return next(pass(surface, path));
     }
-    const PbrSurface shaded =
-        view.pbr.surface(surface, path.direction, view.footprint(surface.point));
+    return Next::Shade;
+  }
+  /// Computes the light of the surface except that of lights. Returns false if the path ends there.
+  bool shade_alone(const View& view, const RayPacket& packet, size_t lane,
+                   const PbrSurface& shaded) {
+    Path& path = paths_[lane];
+    Met& met = met_[lane];
+    const Surface& surface = met.surface;
+    const PbrMaterial& material = *shaded.material;
     const double alpha = shaded.point.alpha;
     note(packet, lane, alpha == 0.0 ? Way::Unseen : surface.outer_side ? Way::Front : Way::Back);
     if (alpha == 0.0) return pass(surface, path);

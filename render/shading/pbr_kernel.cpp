@@ -312,6 +312,8 @@ inline void set_footprints(const Beam& beam, const Primitives& primitives, const
              (dot(across, across) + dot(along, along)) / (primitives.radius * primitives.radius),
              Floats{});
   const Barycentrics barycentrics(primitives);
+  store(barycentrics.edge1, p.edge1);
+  store(barycentrics.edge2, p.edge2);
   floats_at(p.across[0]) = barycentrics.u(across);
   floats_at(p.across[1]) = barycentrics.v(across);
   floats_at(p.along[0]) = barycentrics.u(along);
@@ -342,6 +344,130 @@ uint32_t find(const pbr_kernel::Tables& tables, const Beam& beam, const float* p
   floats_at(p.spread) = floats_at(p.coat_spread) = Floats{};
   floats_at(p.occlusion) = Floats::of(1.0F);
   return lanes;
+}
+
+// ---- textures
+
+using pbr_kernel::AxesInput;
+using pbr_kernel::Textures;
+using pbr_kernel::Values;
+
+inline const Floats& channel(const Values& values, int c) {
+  return floats_at(values.channel[c]);
+}
+inline Floats3 colour(const Values& values) {
+  return {channel(values, 0), channel(values, 1), channel(values, 2)};
+}
+inline void change(const Masks& where, const Floats& value, float* lanes) {
+  floats_at(lanes) = select(where, value, floats_at(lanes));
+}
+inline void change(const Masks& where, const Floats3& value, float (&lanes)[3][kLanes]) {
+  store(select(where, value, vector_at(lanes)), lanes);
+}
+
+/// Axes are unit vectors along those of a texture, perpendicular to a normal.
+struct Axes {
+  Floats3 tangent, bitangent;
+
+  Axes(const Floats3& normal, const Floats3& along) {
+    const Masks steep = absolute(normal.x) < 0.6F;
+    const Floats3 any_way{select(steep, Floats::of(1.0F), Floats{}),
+                          select(steep, Floats{}, Floats::of(1.0F)), Floats{}};
+    const Floats3 flat = along - normal * dot(along, normal);
+    tangent = unit(select(dot(flat, flat) > 1e-12F, flat, cross(normal, any_way)));
+    bitangent = cross(normal, tangent);
+  }
+};
+
+/// Without tangents of vertices, these are the directions in which the texture's u grows and its v
+/// falls (v points down, the bitangent up).
+inline Axes axes_of(const AxesInput& input, const Points& p, const Floats3& normal) {
+  if (input.vertex != nullptr) {
+    Axes axes(normal, unit(colour(*input.vertex)));
+    axes.bitangent = axes.bitangent *
+                     select(channel(*input.vertex, 3) < 0.0F, Floats::of(-1.0F), Floats::of(1.0F));
+    return axes;
+  }
+  const Floats& u1 = floats_at(input.edge1[0]);
+  const Floats& v1 = floats_at(input.edge1[1]);
+  const Floats& u2 = floats_at(input.edge2[0]);
+  const Floats& v2 = floats_at(input.edge2[1]);
+  const Floats area = u1 * v2 - u2 * v1;
+  const Floats inverse = select(area != 0.0F, 1.0F / area, Floats{});
+  const Floats3 edge1 = vector_at(p.edge1), edge2 = vector_at(p.edge2);
+  const Floats3 by_v = (edge2 * u1 - edge1 * u2) * inverse;
+  Axes axes(normal, unit((edge1 * v2 - edge2 * v1) * inverse));
+  axes.bitangent = select(dot(axes.bitangent, by_v) > 0.0F, -axes.bitangent, axes.bitangent);
+  return axes;
+}
+
+/// Returns the square of alpha of normals that have a mean vector of this length, as
+/// spread_of_normals() of render/shading/pbr_scene.h does.
+inline Floats spread_of_normals(const Floats& length) {
+  const Floats r = max(min(length, Floats::of(1.0F)), Floats::of(0.1F));
+  const Floats squared = r * r;
+  return 2.0F * (1.0F - squared) / (r * (3.0F - squared));
+}
+
+/// Turns the normals by a normal map.
+inline void turn_normals(const Values& map, float scale, const AxesInput& input, const Masks& where,
+                         const Surfaces& s, const Points& p, float (&normals)[3][kLanes],
+                         float* spreads) {
+  const Floats side = select(masks_at(s.outer_side), Floats::of(1.0F), Floats::of(-1.0F));
+  const Floats3 front = vector_at(s.smooth) * side;
+  const Axes axes = axes_of(input, p, front);
+  const Floats3 mean = colour(map);
+  const Floats3 turned =
+      unit(axes.tangent * (mean.x * scale) + axes.bitangent * (mean.y * scale) + front * mean.z);
+  const Masks is_turned = where & nonzero(turned);
+  change(is_turned, turned * side, normals);
+  change(is_turned, spread_of_normals(root(dot(mean, mean))), spreads);
+}
+
+inline Floats alpha_of(const pbr_kernel::Material& m, const Floats& alpha) {
+  using pbr_kernel::Material;
+  if (m.alpha_mode == Material::kOpaque) return Floats::of(1.0F);
+  if (m.alpha_mode == Material::kBlend) return clamp01(alpha);
+  return select(alpha < m.alpha_cutoff, Floats{}, Floats::of(1.0F));
+}
+
+void apply(const pbr_kernel::Material& m, const Textures& t, const Surfaces& s, Points& p) {
+  const Masks where = lanes_of(t.lanes);
+  Floats3 base = spread(m.colour);
+  Floats alpha = Floats::of(m.alpha);
+  const Values* const factors[] = {t.base_colour, t.vertex_colour};
+  for (const Values* by : factors)
+    if (by != nullptr) {
+      base = base * colour(*by);
+      alpha = alpha * channel(*by, 3);
+    }
+  change(where, base, p.colour);
+  change(where, alpha_of(m, alpha), p.alpha);
+  if (t.metallic_roughness != nullptr) {
+    change(where, clamp01(m.roughness * channel(*t.metallic_roughness, 1)), p.roughness);
+    change(where, clamp01(m.metallic * channel(*t.metallic_roughness, 2)), p.metallic);
+  }
+  if (t.occlusion != nullptr)
+    change(where, clamp01(1.0F + m.occlusion_strength * (channel(*t.occlusion, 0) - 1.0F)),
+           p.occlusion);
+  if (t.normal != nullptr)
+    turn_normals(*t.normal, m.normal_scale, t.normal_axes, where, s, p, p.normal, p.spread);
+  if (t.emission != nullptr) change(where, spread(m.emission) * colour(*t.emission), p.emission);
+  if (t.specular != nullptr || t.specular_colour != nullptr) {
+    Floats specular = Floats::of(m.specular);
+    Floats3 tint = spread(m.specular_colour);
+    if (t.specular != nullptr) specular = specular * channel(*t.specular, 3);
+    if (t.specular_colour != nullptr) tint = tint * colour(*t.specular_colour);
+    const Floats one = Floats::of(1.0F);
+    const Floats3 f0 = tint * Floats::of(m.plain_f0);
+    change(where, Floats3{min(f0.x, one), min(f0.y, one), min(f0.z, one)} * specular, p.f0);
+    change(where, specular, p.f90);
+  }
+  if (t.coat != nullptr) change(where, m.coat * channel(*t.coat, 0), p.coat);
+  if (t.coat_roughness != nullptr)
+    change(where, clamp01(m.coat_roughness * channel(*t.coat_roughness, 1)), p.coat_roughness);
+  if (t.coat_normal != nullptr)
+    turn_normals(*t.coat_normal, 1.0F, t.coat_axes, where, s, p, p.coat_normal, p.coat_spread);
 }
 
 // ---- light of the environment
@@ -549,7 +675,11 @@ void tone_map(pbr_kernel::ToneMap map, const float (&light)[3][kLanes], float (&
 }  // namespace
 
 extern const pbr_kernel::Kernel kPbrKernel;
-const pbr_kernel::Kernel kPbrKernel{
-    .find = find, .aim = aim, .shade = shade, .light_rays = light_rays, .tone_map = tone_map};
+const pbr_kernel::Kernel kPbrKernel{.find = find,
+                                    .apply = apply,
+                                    .aim = aim,
+                                    .shade = shade,
+                                    .light_rays = light_rays,
+                                    .tone_map = tone_map};
 
 }  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

@@ -14,11 +14,13 @@
 
 #include "base/cpu.h"
 #include "render/shading/shading_kernel.h"
+#include "render/textures/texel_kernel.h"
 
 namespace lenticule::render::pbr_kernel {
 
 using shading_kernel::kLanes;
 using shading_kernel::Surfaces;
+using texel_kernel::Values;
 
 /// Material holds the factors of a material.
 struct Material {
@@ -29,6 +31,12 @@ struct Material {
   float f0[3];  ///< reflectance of the dielectric, head on
   float f90;    ///< reflectance of the dielectric, grazing
   float coat, coat_roughness;
+  // What textures multiply:
+  enum AlphaMode : int32_t { kOpaque, kMask, kBlend } alpha_mode;
+  float alpha, alpha_cutoff;
+  float normal_scale, occlusion_strength;
+  float plain_f0;  ///< reflectance of the dielectric, head on, without `specular` factors
+  float specular, specular_colour[3];
   int32_t is_plain;      ///< -1 if this kernel can shade the material
   int32_t is_two_sided;  ///< -1 if the inner side is shaded, too
   int32_t is_textured;   ///< textures or colours of vertices change the factors
@@ -66,6 +74,22 @@ struct AlbedoTable {
   float values[kSteps + 1][kSteps + 1][2];
 };
 
+/// AxesInput is what the axes of a normal map depend on: tangents of the vertices or, if these are
+/// null, the change of the texture coordinates along the triangle's edges.
+struct alignas(64) AxesInput {
+  float edge1[2][kLanes], edge2[2][kLanes];
+  const Values* vertex;
+};
+
+/// Textures holds what textures and vertices say at the points of lanes that have one material.
+/// What is null changes nothing.
+struct Textures {
+  uint32_t lanes;  ///< bit mask
+  const Values *base_colour, *vertex_colour, *metallic_roughness, *occlusion, *normal, *emission,
+      *specular, *specular_colour, *coat, *coat_roughness, *coat_normal;
+  AxesInput normal_axes, coat_axes;
+};
+
 struct Tables {
   const shading_kernel::Tables* shapes;
   const Material* materials;
@@ -80,6 +104,7 @@ struct alignas(64) Points {
   float alpha[kLanes];     ///< share of the light that does not pass; 0 on invisible sides
   // Changes of the barycentric coordinates across the sides of the footprint. Meshes only.
   float across[2][kLanes], along[2][kLanes];
+  float edge1[3][kLanes], edge2[3][kLanes];  ///< of the triangle, over its extent
   float bend[kLanes];       ///< square of the angle by which the normal changes across it
   float normal[3][kLanes];  ///< unit, from the normal map, on the viewer's side
   float spread[kLanes];     ///< square of alpha by which the normal map varies
@@ -130,6 +155,8 @@ struct Kernel {
   /// this kernel can shade. Returns a bit mask of these lanes.
   uint32_t (*find)(const Tables&, const Beam&, const float* packet, const int32_t* valid, Surfaces&,
                    Points&);
+  /// Changes the points by textures.
+  void (*apply)(const Material&, const Textures&, const Surfaces&, Points&);
   /// Computes the directions of mirrored light. Then the caller sets source and coat_source.
   void (*aim)(const Tables&, const Surfaces&, const Points&, Shaded&);
   /// Computes all other members of Shaded.

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <memory>
 #include <mutex>
@@ -549,30 +550,111 @@ SurfacePlace place_of(const Scene& scene, const Surface& surface, Vec3 direction
   return place;
 }
 
-bool InputReader::find_coordinates(const MaterialInput& input) {
-  if (located_ != nullptr && located_->has_coordinates_of(input)) return true;
-  const auto& uvs = uvs_of(*place_.mesh, input.uv_set);
-  if (uvs.empty()) return false;
-  const auto [u, v] = blended(uvs, place_.corners, place_.at);
-  const auto& map = input.uv_map;
-  const TextureEdges edges = texture_edges(uvs, place_.corners, map);
+namespace {
+
+/// Coordinates is a place in a texture.
+struct Coordinates {
+  Vec2 at;
+  TextureFootprint footprint;
+};
+Coordinates coordinates_of(const std::vector<std::array<float, 2>>& uvs, const SurfacePlace& place,
+                           const std::array<double, 6>& map) {
+  const auto [u, v] = blended(uvs, place.corners, place.at);
+  const TextureEdges edges = texture_edges(uvs, place.corners, map);
   const auto side = [&](Vec2 by) { return edges.edge1 * by.x + edges.edge2 * by.y; };
-  at_ = {map[0] * u + map[1] * v + map[2], map[3] * u + map[4] * v + map[5]};
-  footprint_ = {.across = side(place_.across), .along = side(place_.along)};
+  return {.at = {map[0] * u + map[1] * v + map[2], map[3] * u + map[4] * v + map[5]},
+          .footprint = {.across = side(place.across), .along = side(place.along)}};
+}
+
+}  // namespace
+
+bool LaneTextures::find_coordinates(const MaterialInput& input) {
+  if (located_ != nullptr && located_->has_coordinates_of(input)) return true;
+  const auto& uvs = uvs_of(*mesh_, input.uv_set);
+  if (uvs.empty()) return false;
+  area_ = {};
+  for (uint32_t left = lanes_; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    const auto [at, footprint] = coordinates_of(uvs, places_[r], input.uv_map);
+    set_lane(area_, r, at, footprint);
+  }
   lookup_.shape = {};
   located_ = &input;
   return true;
 }
 
+const texel_kernel::Values* LaneTextures::value(const MaterialInput& input) {
+  if (input.maps == nullptr || mesh_ == nullptr) return nullptr;
+  for (size_t n = 0; n < count_; ++n)
+    if (known_[n]->maps == input.maps && known_[n]->has_coordinates_of(input)) return &values_[n];
+  if (!find_coordinates(input)) return nullptr;
+  if (lookup_.shape != input.maps->shape()) input.maps->find(area_, lookup_);
+  known_[count_] = &input;
+  input.maps->values(lookup_, values_[count_]);
+  return &values_[count_++];
+}
+
+const texel_kernel::Values* LaneTextures::of_vertices(
+    const std::vector<std::array<float, 4>>& values, texel_kernel::Values& out) const {
+  if (values.empty()) return nullptr;
+  for (uint32_t left = lanes_; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    const std::array<double, 4> mean = blended(values, places_[r].corners, places_[r].at);
+    for (size_t c = 0; c < mean.size(); ++c) out.channel[c][r] = static_cast<float>(mean[c]);
+  }
+  return &out;
+}
+
+void LaneTextures::set_axes(const MaterialInput& input, pbr_kernel::AxesInput& out) {
+  out.vertex = of_vertices(mesh_->tangents, vertex_tangents_);
+  if (out.vertex != nullptr) return;
+  const auto& uvs = uvs_of(*mesh_, input.uv_set);
+  for (uint32_t left = lanes_; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    const TextureEdges edges = texture_edges(uvs, places_[r].corners, input.uv_map);
+    out.edge1[0][r] = static_cast<float>(edges.edge1.x);
+    out.edge1[1][r] = static_cast<float>(edges.edge1.y);
+    out.edge2[0][r] = static_cast<float>(edges.edge2.x);
+    out.edge2[1][r] = static_cast<float>(edges.edge2.y);
+  }
+}
+
+const pbr_kernel::Textures& LaneTextures::all(const PbrMaterial& m, const MaterialInputs& inputs) {
+  pbr_kernel::Textures& t = textures_;
+  t = {};
+  t.lanes = lanes_;
+  if (mesh_ == nullptr) return t;
+  t.base_colour = value(inputs.base_colour);
+  t.vertex_colour = of_vertices(mesh_->colours, vertex_colours_);
+  t.metallic_roughness = value(inputs.metallic_roughness);
+  // Next to the roughness, since both are often channels of one texture.
+  t.occlusion = value(inputs.occlusion);
+  t.normal = value(inputs.normal);
+  if (t.normal != nullptr) set_axes(inputs.normal, t.normal_axes);
+  if (m.emission != Vec3{}) t.emission = value(inputs.emission);
+  if (m.specular != 0.0) t.specular = value(inputs.specular);
+  if (m.specular_colour != Vec3{}) t.specular_colour = value(inputs.specular_colour);
+  if (m.clearcoat == 0.0) return t;
+  t.coat = value(inputs.clearcoat);
+  t.coat_roughness = value(inputs.clearcoat_roughness);
+  t.coat_normal = value(inputs.clearcoat_normal);
+  if (t.coat_normal != nullptr) set_axes(inputs.clearcoat_normal, t.coat_axes);
+  return t;
+}
+
 std::optional<MipMaps::Value> InputReader::value(const MaterialInput& input) {
+  if (lanes_ != nullptr) {
+    const texel_kernel::Values* values = lanes_->value(input);
+    if (values == nullptr) return std::nullopt;
+    MipMaps::Value out;
+    for (size_t c = 0; c < out.size(); ++c) out[c] = double{values->channel[c][lane_]};
+    return out;
+  }
   if (input.maps == nullptr || place_.mesh == nullptr) return std::nullopt;
-  if (read_ != nullptr && read_->maps == input.maps && read_->has_coordinates_of(input))
-    return value_;
-  if (!find_coordinates(input)) return std::nullopt;
-  if (lookup_.shape != input.maps->shape()) input.maps->find(at_, footprint_, lookup_);
-  value_ = input.maps->value(lookup_);
-  read_ = &input;
-  return value_;
+  const auto& uvs = uvs_of(*place_.mesh, input.uv_set);
+  if (uvs.empty()) return std::nullopt;
+  const Coordinates found = coordinates_of(uvs, place_, input.uv_map);
+  return input.maps->value(found.at, found.footprint);
 }
 
 double InputReader::scaled(double factor, const MaterialInput& input, size_t channel) {
@@ -695,6 +777,18 @@ pbr_kernel::Material table_entry(const PbrMaterial& m) {
   out.f90 = static_cast<float>(m.specular);
   out.coat = static_cast<float>(m.clearcoat);
   out.coat_roughness = static_cast<float>(std::clamp(m.clearcoat_roughness, 0.0, 1.0));
+  using enum PbrMaterial::AlphaMode;
+  using pbr_kernel::Material;
+  out.alpha_mode = m.alpha_mode == Opaque ? Material::kOpaque
+                   : m.alpha_mode == Mask ? Material::kMask
+                                          : Material::kBlend;
+  out.alpha = static_cast<float>(m.alpha);
+  out.alpha_cutoff = static_cast<float>(m.alpha_cutoff);
+  out.normal_scale = static_cast<float>(m.normal_scale);
+  out.occlusion_strength = static_cast<float>(m.occlusion_strength);
+  out.plain_f0 = static_cast<float>(dielectric_f0(m.ior, 1.0, kWhite).x);
+  out.specular = static_cast<float>(m.specular);
+  write(m.specular_colour, out.specular_colour);
   out.is_plain = is_plain(m) ? -1 : 0;
   out.is_two_sided = m.double_sided ? -1 : 0;
   out.is_textured = is_textured(m) ? -1 : 0;
@@ -889,7 +983,7 @@ Vec3 PbrScene::passed(const Surface& surface) const {
     return {};
   const MaterialInputs& inputs = inputs_of(surface);
   const SurfacePlace place = place_of(scene_, surface, -surface.geometric_normal, {});
-  InputReader reader(scene_, place);
+  InputReader reader(scene_, place, nullptr, 0);
   const MipMaps::Value base = reader.base(material, inputs.base_colour);
   const double through = reader.scaled(material.transmission, inputs.transmission, 0);
   // Light is tinted where it enters a volume.
@@ -949,12 +1043,10 @@ void set_anisotropy(const PbrMaterial& m, const MaterialInputs& inputs, InputRea
 
 }  // namespace
 
-PbrSurface PbrScene::surface(const Surface& at, Vec3 direction,
-                             const RayFootprint& footprint) const {
+PbrSurface PbrScene::surface(const Surface& at, Vec3 direction, const SurfacePlace& place,
+                             InputReader& reader) const {
   const PbrMaterial& m = *at.material->pbr;
   const MaterialInputs& inputs = inputs_of(at);
-  const SurfacePlace place = place_of(scene_, at, direction, footprint);
-  InputReader reader(scene_, place);
   const double side = at.outer_side ? 1.0 : -1.0;
   PbrSurface out{.material = &m};
   PbrPoint& p = out.point;

@@ -161,6 +161,7 @@ struct MaterialInputs {
       specular_colour, clearcoat, clearcoat_roughness, clearcoat_normal, sheen_colour,
       sheen_roughness, transmission, thickness, iridescence, iridescence_thickness, anisotropy;
 };
+inline constexpr size_t kMaterialInputs = sizeof(MaterialInputs) / sizeof(MaterialInput);
 
 /// SurfacePlace is a position on a surface, with the change of barycentric coordinates across the
 /// footprint.
@@ -181,11 +182,57 @@ struct SurfacePlace {
 [[nodiscard]] SurfacePlace place_of(const Scene& scene, const Surface& surface, Vec3 direction,
                                     const RayFootprint& footprint);
 
+/// LaneTextures looks up what textures and vertices say at the points of a packet's lanes that are
+/// on one mesh. Each texture is looked up once. Thread safety: used by one thread.
+class LaneTextures {
+ public:
+  /// Begins with points of a mesh, or of spheres and cones, which have no textures, if it is null.
+  /// Lifetime: the mesh must outlive the following calls.
+  void start(const MeshShape* mesh) {
+    mesh_ = mesh;
+    lanes_ = 0;
+    located_ = nullptr;
+    count_ = 0;
+  }
+  void add(size_t lane, const SurfacePlace& place) {
+    lanes_ |= 1U << lane;
+    places_[lane] = place;
+  }
+  [[nodiscard]] const SurfacePlace& place(size_t lane) const { return places_[lane]; }
+  // Lifetime: results are valid until the next start().
+
+  /// Returns null if there is no texture or the mesh has no texture coordinates.
+  [[nodiscard]] const texel_kernel::Values* value(const MaterialInput& input);
+  /// Looks up all that pbr_kernel::Kernel::apply() uses.
+  [[nodiscard]] const pbr_kernel::Textures& all(const PbrMaterial& material,
+                                                const MaterialInputs& inputs);
+
+ private:
+  [[nodiscard]] bool find_coordinates(const MaterialInput& input);
+  [[nodiscard]] const texel_kernel::Values* of_vertices(
+      const std::vector<std::array<float, 4>>& values, texel_kernel::Values& out) const;
+  void set_axes(const MaterialInput& input, pbr_kernel::AxesInput& out);
+
+  const MeshShape* mesh_ = nullptr;
+  uint32_t lanes_ = 0;
+  std::array<SurfacePlace, texel_kernel::kLanes> places_;
+  const MaterialInput* located_ = nullptr;  ///< input whose coordinates are in `area_`
+  texel_kernel::Area area_{};
+  TextureLookup lookup_;
+  size_t count_ = 0;  ///< number of textures that were looked up
+  std::array<const MaterialInput*, kMaterialInputs> known_{};
+  std::array<texel_kernel::Values, kMaterialInputs> values_;
+  texel_kernel::Values vertex_colours_, vertex_tangents_;
+  pbr_kernel::Textures textures_{};
+};
+
 /// InputReader looks up the textures of a material at one place. Lifetime: must not outlive the
 /// scene and the place.
 class InputReader {
  public:
-  InputReader(const Scene& scene, const SurfacePlace& place) : scene_(scene), place_(place) {}
+  /// Takes the texels from `lanes`, of which `lane` has the place, unless it is null.
+  InputReader(const Scene& scene, const SurfacePlace& place, LaneTextures* lanes, size_t lane)
+      : scene_(scene), place_(place), lanes_(lanes), lane_(lane) {}
 
   /// Returns nothing if there is no texture or the mesh has no texture coordinates.
   [[nodiscard]] std::optional<MipMaps::Value> value(const MaterialInput& input);
@@ -210,17 +257,10 @@ class InputReader {
                                  PbrPoint& out);
 
  private:
-  [[nodiscard]] bool find_coordinates(const MaterialInput& input);
-
   const Scene& scene_;
   const SurfacePlace& place_;
-  // The last look-up: the textures of a material mostly share coordinates, and some are the same.
-  const MaterialInput* located_ = nullptr;  ///< input whose coordinates are found
-  Vec2 at_{};
-  TextureFootprint footprint_{};
-  TextureLookup lookup_;                 ///< texels at these coordinates, if its shape has a width
-  const MaterialInput* read_ = nullptr;  ///< input whose value is `value_`
-  MipMaps::Value value_{};
+  LaneTextures* lanes_;
+  size_t lane_;
 };
 
 /// Returns the kernel for `isa`, which the machine must support (base/cpu.h).
@@ -256,8 +296,9 @@ class PbrScene {
   /// out, blended and transmitting surfaces. Each channel is 0 on opaque surfaces.
   [[nodiscard]] Vec3 passed(const Surface& surface) const;
 
-  [[nodiscard]] PbrSurface surface(const Surface& at, Vec3 direction,
-                                   const RayFootprint& footprint) const;
+  /// Returns a point at a place, whose textures `reader` looks up.
+  [[nodiscard]] PbrSurface surface(const Surface& at, Vec3 direction, const SurfacePlace& place,
+                                   InputReader& reader) const;
   /// Returns the textures of a material by its number.
   [[nodiscard]] const MaterialInputs& inputs(size_t material) const { return inputs_[material]; }
   /// Returns the scene in the form that render/shading/pbr_kernel.h reads.

@@ -14,9 +14,6 @@ namespace {
 
 using Value = MipMaps::Value;
 
-/// Most lookups along the longer axis of a footprint; longer ones are blurred across as well.
-constexpr double kMostProbes = texel_kernel::kPlaces;
-
 double clamped01(double v) {
   return v > 0.0 ? std::min(v, 1.0) : 0.0;
 }
@@ -97,31 +94,6 @@ Covered covered(int texel, int size, int half) {
   return out;
 }
 
-/// The axes of the ellipse around a parallelogram, in texels.
-struct Ellipse {
-  double minor = 0.0;
-  double major = 0.0;
-  Vec2 major_axis{1, 0};  ///< unit
-};
-
-Ellipse ellipse_around(Vec2 a, Vec2 b) {
-  // Eigenvalues of the sum of the outer products of both sides.
-  const double xx = a.x * a.x + b.x * b.x, yy = a.y * a.y + b.y * b.y;
-  const double xy = a.x * a.y + b.x * b.y;
-  const double middle = 0.5 * (xx + yy), half = 0.5 * (xx - yy);
-  const double apart = std::sqrt(half * half + xy * xy);
-  Ellipse out;
-  out.major = std::sqrt(middle + apart);
-  // The product of both axes is the area, which the difference would lose to rounding.
-  const double area = std::abs(a.x * b.y - a.y * b.x);
-  out.minor = out.major > 0.0 ? area / out.major : 0.0;
-  const Vec2 axis =
-      xx >= yy ? Vec2{0.5 * (xx - yy) + apart, xy} : Vec2{xy, 0.5 * (yy - xx) + apart};
-  const double size = std::sqrt(axis.x * axis.x + axis.y * axis.y);
-  if (size > 0.0) out.major_axis = {axis.x / size, axis.y / size};
-  return out;
-}
-
 }  // namespace
 
 MipMaps::MipMaps(std::shared_ptr<const Texture> texture, Content content)
@@ -145,7 +117,12 @@ MipMaps::MipMaps(std::shared_ptr<const Texture> texture, Content content)
     const Level& level = levels_.emplace_back(halved(views_.back()));
     add_view(level.width, level.height, level.codes, level.values);
   }
-  views_.push_back(views_.back());
+  texels_ = {.levels = views_.data(),
+             .count = static_cast<int32_t>(views_.size()),
+             .content = content_,
+             .light_of_code = light_of_codes().data(),
+             .repeat = {shape_.repeat_u, shape_.repeat_v},
+             .mirror = {shape_.mirror_u, shape_.mirror_v}};
 }
 
 Value MipMaps::texel(const texel_kernel::Level& from, int x, int y) const {
@@ -218,55 +195,26 @@ MipMaps::Level MipMaps::halved(const texel_kernel::Level& from) const {
   return to;
 }
 
-/// Returns the level, between two if it is not a whole number, whose texels are `width` of those of
-/// the texture wide.
-double MipMaps::depth_of(double width) const {
-  const auto last = static_cast<double>(levels_.size());
-  if (width <= 1.0) return 0.0;
-  // Not finite at the horizon of a plane.
-  return width < 1e9 ? std::min(double{std::log2(static_cast<float>(width))}, last) : last;
-}
-
-void MipMaps::find(Vec2 at, const TextureFootprint& footprint, TextureLookup& lookup) const {
-  const auto texels = [&](Vec2 v) { return Vec2{v.x * shape_.width, v.y * shape_.height}; };
-  const Ellipse area = ellipse_around(texels(footprint.across), texels(footprint.along));
-  const double width = std::max({area.minor, area.major / kMostProbes, 1.0});
-  const double depth = depth_of(width);
+void MipMaps::find(const texel_kernel::Area& area, TextureLookup& lookup) const {
   lookup.shape = shape_;
-  lookup.fine = static_cast<size_t>(depth);
-  texel_kernel::Lookup& out = lookup.texels;
-  out.of_coarse = static_cast<float>(depth - static_cast<double>(lookup.fine));
-
-  const double longer = area.major / width;
-  const bool is_long = longer > 1.0 + 1e-6 && std::isfinite(area.major);
-  out.places = !is_long               ? 1
-               : longer < kMostProbes ? static_cast<int>(std::ceil(longer - 1e-6))
-                                      : texel_kernel::kPlaces;
-  const Vec2 axis = is_long ? Vec2{area.major_axis.x * area.major / shape_.width,
-                                   area.major_axis.y * area.major / shape_.height}
-                            : Vec2{};
-  const texel_kernel::Level& fine = views_[lookup.fine];
-  const texel_kernel::Level& coarse = views_[lookup.fine + 1];
-  kernel_.find({.middle = {at.x, at.y},
-                .length = {axis.x, axis.y},
-                .repeat = {shape_.repeat_u, shape_.repeat_v},
-                .mirror = {shape_.mirror_u, shape_.mirror_v},
-                .fine_size = {fine.width, fine.height},
-                .coarse_size = {coarse.width, coarse.height}},
-               out);
+  kernel_.find(texels_, area, lookup.texels);
 }
 
-Value MipMaps::value(const TextureLookup& lookup) const {
-  std::array<float, 4> mean;
-  kernel_.mean(content_, light_of_codes().data(), views_[lookup.fine], views_[lookup.fine + 1],
-               lookup.texels, mean.data());
-  return {double{mean[0]}, double{mean[1]}, double{mean[2]}, double{mean[3]}};
+void MipMaps::values(const TextureLookup& lookup, texel_kernel::Values& out) const {
+  kernel_.mean(texels_, lookup.texels, out);
 }
 
 Value MipMaps::value(Vec2 at, const TextureFootprint& footprint) const {
+  texel_kernel::Area area{};
+  set_lane(area, 0, at, footprint);
   TextureLookup lookup;
-  find(at, footprint, lookup);
-  return value(lookup);
+  find(area, lookup);
+  std::fill(std::begin(lookup.texels.places) + 1, std::end(lookup.texels.places), 0);
+  texel_kernel::Values values;
+  kernel_.mean(texels_, lookup.texels, values);
+  Value mean;
+  for (size_t c = 0; c < mean.size(); ++c) mean[c] = double{values.channel[c][0]};
+  return mean;
 }
 
 }  // namespace lenticule::render

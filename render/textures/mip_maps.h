@@ -18,6 +18,16 @@ struct TextureFootprint {
   Vec2 along{};
 };
 
+inline void set_lane(texel_kernel::Area& area, size_t lane, Vec2 at,
+                     const TextureFootprint& footprint) {
+  area.middle[0][lane] = at.x;
+  area.middle[1][lane] = at.y;
+  area.across[0][lane] = static_cast<float>(footprint.across.x);
+  area.across[1][lane] = static_cast<float>(footprint.across.y);
+  area.along[0][lane] = static_cast<float>(footprint.along.x);
+  area.along[1][lane] = static_cast<float>(footprint.along.y);
+}
+
 /// TextureShape is what the place of a look-up depends on.
 struct TextureShape {
   int width = 0;
@@ -49,9 +59,10 @@ class MipMaps {
   /// channels are the mean vector, which is the shorter the more the vectors differ. Non-finite
   /// coordinates count as 0.
   [[nodiscard]] Value value(Vec2 at, const TextureFootprint& footprint) const;
-  /// Do the same in two steps. The second one must be given a look-up of the shape of the texture.
-  void find(Vec2 at, const TextureFootprint& footprint, TextureLookup& lookup) const;
-  [[nodiscard]] Value value(const TextureLookup& lookup) const;
+  /// Do the same for sixteen look-ups, in two steps. The second one must be given a look-up of the
+  /// shape of the texture.
+  void find(const texel_kernel::Area& area, TextureLookup& lookup) const;
+  void values(const TextureLookup& lookup, texel_kernel::Values& out) const;
 
   [[nodiscard]] const Texture& texture() const { return *texture_; }
   [[nodiscard]] const TextureShape& shape() const { return shape_; }
@@ -71,7 +82,6 @@ class MipMaps {
   [[nodiscard]] Value texel(const texel_kernel::Level& from, int x, int y) const;
   [[nodiscard]] Level halved(const texel_kernel::Level& from) const;
   void store(const Value& value, size_t index, Level& to) const;
-  [[nodiscard]] double depth_of(double width) const;
 
   std::shared_ptr<const Texture> texture_;
   TextureShape shape_;
@@ -79,7 +89,8 @@ class MipMaps {
   const texel_kernel::Kernel& kernel_;
   const double* colour_of_code_;  ///< numbers of the 256 codes, for RGB
   std::vector<Level> levels_;
-  std::vector<texel_kernel::Level> views_;  ///< the texture and its levels, the last one twice
+  std::vector<texel_kernel::Level> views_;  ///< the texture and its levels
+  texel_kernel::TextureLevels texels_{};
 };
 
 }  // namespace lenticule::render

@@ -1,18 +1,184 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/textures/texel_kernel.h"
 
-#if defined(__AVX2__)
-#include <immintrin.h>
-#endif
+#include "render/shading/packet_kernel_lanes.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
 namespace {
 
+using texel_kernel::Area;
 using texel_kernel::Content;
 using texel_kernel::Corners;
+using texel_kernel::kLanes;
+using texel_kernel::kPlaces;
 using texel_kernel::Level;
 using texel_kernel::Lookup;
-using texel_kernel::Path;
+using texel_kernel::TextureLevels;
+using texel_kernel::Values;
+
+// ---- places
+
+/// Ellipses holds the places of look-ups: how many, and the way from the first to the last, plus
+/// one distance of neighbours, in texture coordinates.
+struct Ellipses {
+  Masks places;
+  Floats along[2];
+  Masks level;
+  Floats of_coarse;
+};
+
+/// Limits a length in texels. At the horizon of a plane there are none.
+inline Floats held(const Floats& length) {
+  constexpr float kLongest = 1e9F;
+  return max(min(length, Floats::of(kLongest)), Floats::of(-kLongest));
+}
+
+inline Ellipses ellipses_around(const TextureLevels& texture, const Area& area) {
+  const auto width = static_cast<float>(texture.levels[0].width);
+  const auto height = static_cast<float>(texture.levels[0].height);
+  const Floats ax = held(floats_at(area.across[0]) * width);
+  const Floats ay = held(floats_at(area.across[1]) * height);
+  const Floats bx = held(floats_at(area.along[0]) * width);
+  const Floats by = held(floats_at(area.along[1]) * height);
+  // Eigenvalues of the sum of the outer products of both sides.
+  const Floats xx = ax * ax + bx * bx, yy = ay * ay + by * by, xy = ax * ay + bx * by;
+  const Floats half = 0.5F * (xx - yy);
+  const Floats apart = root(half * half + xy * xy);
+  const Floats major = root(0.5F * (xx + yy) + apart);
+  // The product of both axes is the area, which the difference would lose to rounding.
+  const Floats minor = select(major > 0.0F, absolute(ax * by - ay * bx) / major, Floats{});
+  const Floats wide = max(max(minor, major * (1.0F / kPlaces)), Floats::of(1.0F));
+
+  constexpr float kMore = 1e-5F;  // rounding must not add a place
+  const Floats longer = major / wide - kMore;
+  const Masks whole = to_integers(longer);
+  const Masks several = longer > 1.0F;
+  Ellipses out;
+  out.places = select(several, whole - (to_floats(whole) < longer), Masks::of(1));
+  const Masks flat = xx >= yy;
+  const Floats x = select(flat, half + apart, xy), y = select(flat, xy, apart - half);
+  const Floats size = root(x * x + y * y);
+  const Floats scale = select(several & (size > 0.0F), major / size, Floats{});
+  out.along[0] = x * scale * (1.0F / width);
+  out.along[1] = y * scale * (1.0F / height);
+
+  const Floats depth = min(log2_of(wide), Floats::of(static_cast<float>(texture.count - 1)));
+  out.level = to_integers(depth);
+  out.of_coarse = depth - to_floats(out.level);
+  return out;
+}
+
+/// Returns the next lower integer of a number below 2^50.
+inline double lower_integer(double v) {
+  constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
+  const double near = (v + kShift) - kShift;
+  return near > v ? near - 1.0 : near;
+}
+
+/// Moves coordinates into the picture, 0 to 1.
+inline void move_into_picture(bool repeats, bool mirrors, double (&c)[kLanes]) {
+  for (double& v : c) v = v < 1e15 && v > -1e15 ? v : 0.0;
+  if (!repeats) {
+    for (double& v : c) v = v > 0.0 ? (v < 1.0 ? v : 1.0) : 0.0;
+  } else if (!mirrors) {
+    for (double& v : c) v -= lower_integer(v);
+  } else {
+    for (double& v : c) {
+      const double pair = 2.0 * (0.5 * v - lower_integer(0.5 * v));
+      v = pair > 1.0 ? 2.0 - pair : pair;
+    }
+  }
+}
+
+/// The two texels of a row or a column around each place.
+struct Pair {
+  int32_t first[kLanes], second[kLanes];
+};
+
+/// Texels are counted from half a texel before the first texel, so that truncation rounds down.
+inline void find_pair(const double (&c)[kLanes], const int32_t (&size)[kLanes], bool wraps,
+                      Pair& out, float (&part)[kLanes]) {
+  for (int r = 0; r < kLanes; ++r) {
+    const double texel = c[r] * size[r] + 0.5;
+    const auto whole = static_cast<int32_t>(texel);
+    part[r] = static_cast<float>(texel - whole);
+    const int32_t last = size[r] - 1;
+    out.first[r] = whole > 0 ? whole - 1 : (wraps ? last : 0);
+    out.second[r] = whole <= last ? whole : (wraps ? 0 : last);
+  }
+}
+
+/// Sizes of the level of each lane.
+struct LevelSizes {
+  int32_t of[2][kLanes];  ///< width and height
+
+  LevelSizes(const TextureLevels& texture, const Masks& level) {
+    for (int r = 0; r < kLanes; ++r) {
+      of[0][r] = texture.levels[level[r]].width;
+      of[1][r] = texture.levels[level[r]].height;
+    }
+  }
+};
+
+inline void find_corners(const TextureLevels& texture, const LevelSizes& sizes,
+                         const double (&place)[2][kLanes], Corners& out) {
+  // A mirrored border continues as an extended one does.
+  const auto wraps = [&](int k) { return texture.repeat[k] != 0 && texture.mirror[k] == 0; };
+  Pair column, row;
+  find_pair(place[0], sizes.of[0], wraps(0), column, out.right);
+  find_pair(place[1], sizes.of[1], wraps(1), row, out.below);
+  for (int r = 0; r < kLanes; ++r) {
+    const int32_t upper = row.first[r] * sizes.of[0][r], lower = row.second[r] * sizes.of[0][r];
+    out.texel[0][r] = upper + column.first[r];
+    out.texel[1][r] = upper + column.second[r];
+    out.texel[2][r] = lower + column.first[r];
+    out.texel[3][r] = lower + column.second[r];
+  }
+}
+
+/// Returns the number of the next level of each lane.
+inline Masks coarser(const TextureLevels& texture, const Masks& level) {
+  return clamp_index(level + 1, Masks::of(texture.count));
+}
+
+/// Finder sets the corners of places in both levels of a look-up.
+struct Finder {
+  const TextureLevels& texture;
+  Lookup& out;
+  LevelSizes fine, coarse;
+
+  Finder(const TextureLevels& of, const Masks& level, const Floats& of_coarse, Lookup& lookup)
+      : texture(of), out(lookup), fine(of, level), coarse(of, coarser(of, level)) {
+    masks_at(out.level) = level;
+    floats_at(out.of_coarse) = of_coarse;
+    out.any_coarse = any(of_coarse > 0.0F) ? 1 : 0;
+  }
+  void set(int number, double (&place)[2][kLanes]) const {
+    for (int k = 0; k < 2; ++k)
+      move_into_picture(texture.repeat[k] != 0, texture.mirror[k] != 0, place[k]);
+    find_corners(texture, fine, place, out.fine[number]);
+    if (out.any_coarse != 0) find_corners(texture, coarse, place, out.coarse[number]);
+  }
+};
+
+void find(const TextureLevels& texture, const Area& area, Lookup& out) {
+  const Ellipses ellipses = ellipses_around(texture, area);
+  const Finder finder(texture, ellipses.level, ellipses.of_coarse, out);
+  masks_at(out.places) = ellipses.places;
+  alignas(64) float along[2][kLanes], share[kLanes];
+  for (int k = 0; k < 2; ++k) floats_at(along[k]) = ellipses.along[k];
+  floats_at(share) = 1.0F / to_floats(ellipses.places);
+  for (int n = 0; n < kPlaces && any(ellipses.places > n); ++n) {
+    double place[2][kLanes];
+    for (int k = 0; k < 2; ++k)
+      for (int r = 0; r < kLanes; ++r)
+        place[k][r] =
+            area.middle[k][r] + double{along[k][r]} * ((n + 0.5) * double{share[r]} - 0.5);
+    finder.set(n, place);
+  }
+}
+
+// ---- means
 
 /// The four channels of a texel, and those of a texel and the one below it.
 using Four = float __attribute__((vector_size(16)));
@@ -63,98 +229,20 @@ inline void make_vectors(bool is_first, Eight& texels) {
   const Eight x = __builtin_shufflevector(square, square, 0, 0, 0, 0, 4, 4, 4, 4);
   const Eight y = __builtin_shufflevector(square, square, 1, 1, 1, 1, 5, 5, 5, 5);
   const Eight z = __builtin_shufflevector(square, square, 2, 2, 2, 2, 6, 6, 6, 6);
-  Eight size = x + y + z;
-  take_root(size);
-  const Eight spread = __builtin_shufflevector(texels, texels, 3, 3, 3, 3, 7, 7, 7, 7);
+  const Eight size_squared = x + y + z;
   const Eight one = Eight{} + 1.0F;
-  const Eight held = is_first ? one : one - spread * spread;
-  const Eight upright = __builtin_shufflevector(held, Eight{}, 8, 8, 2, 8, 8, 8, 6, 8);
-  texels = size > 0.0F ? vector * (held / size) : upright;
-}
-
-/// The coordinates u and v in the finer level, and those in the coarser one.
-using Coordinates = double __attribute__((vector_size(32)));
-using Signs = int64_t __attribute__((vector_size(32)));
-using Texels = int32_t __attribute__((vector_size(16)));
-
-inline void truncate(Coordinates& c) {
-#if defined(__AVX2__)
-  c = _mm256_round_pd(c, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC);
-#else
-  for (int k = 0; k < 4; ++k) c[k] = static_cast<double>(static_cast<int64_t>(c[k]));
-#endif
-}
-
-/// Replaces coordinates by their distance above the next lower integer.
-inline void keep_fraction(Coordinates& c) {
-  Coordinates whole = c;
-  truncate(whole);
-  c -= whole;
-  c = c < 0.0 ? c + 1.0 : c;
-}
-
-/// Wraps holds how a texture continues beyond its border.
-struct Wraps {
-  Signs repeats, mirrors;
-  Texels before, behind;  ///< texels beyond the first and beyond the last one
-};
-
-/// Moves coordinates into the picture, 0 to 1.
-inline void move_into_picture(const Wraps& wraps, Coordinates& c) {
-  const Coordinates above = c < 0.0 ? -c : c;
-  c = above < 1e15 ? c : Coordinates{};
-  Coordinates fraction = c, pair = 0.5 * c;
-  keep_fraction(fraction);
-  keep_fraction(pair);
-  pair = 2.0 * pair;
-  const Coordinates mirrored = pair > 1.0 ? 2.0 - pair : pair;
-  const Coordinates positive = c > 0.0 ? c : Coordinates{};
-  const Coordinates held = positive < 1.0 ? positive : Coordinates{} + 1.0;
-  c = wraps.repeats != 0 ? (wraps.mirrors != 0 ? mirrored : fraction) : held;
-}
-
-inline void set_corners(const Texels& first, const Texels& second, const double* part, int level,
-                        int32_t width, Corners& out) {
-  const int u = 2 * level, v = u + 1;
-  const int32_t upper = first[v] * width, lower = second[v] * width;
-  out = {{upper + first[u], upper + second[u], lower + first[u], lower + second[u]},
-         static_cast<float>(part[u]),
-         static_cast<float>(part[v])};
-}
-
-void find(const Path& path, Lookup& lookup) {
-  const Texels size = {path.fine_size[0], path.fine_size[1], path.coarse_size[0],
-                       path.coarse_size[1]};
-  const Coordinates sizes = __builtin_convertvector(size, Coordinates);
-  const Coordinates middle = {path.middle[0], path.middle[1], path.middle[0], path.middle[1]};
-  const Coordinates length = {path.length[0], path.length[1], path.length[0], path.length[1]};
-  Wraps wraps{{path.repeat[0], path.repeat[1], path.repeat[0], path.repeat[1]},
-              {path.mirror[0], path.mirror[1], path.mirror[0], path.mirror[1]},
-              {},
-              size - 1};
-  // A mirrored border continues as an extended one does.
-  for (int k = 0; k < 4; ++k)
-    if (wraps.repeats[k] != 0 && wraps.mirrors[k] == 0) {
-      wraps.before[k] = size[k] - 1;
-      wraps.behind[k] = 0;
-    }
-  for (int n = 0; n < lookup.places; ++n) {
-    Coordinates place = middle + length * ((n + 0.5) / lookup.places - 0.5);
-    move_into_picture(wraps, place);
-    // Texels are counted from half a texel before the first texel, so that truncation rounds down.
-    const Coordinates texel = place * sizes + 0.5;
-    Coordinates whole = texel;
-    truncate(whole);
-    double part[4];
-    const Coordinates beyond = texel - whole;
-    __builtin_memcpy(part, &beyond, sizeof part);
-    Texels second = __builtin_convertvector(whole, Texels);
-    Texels first = second - 1;
-    first = first < 0 ? wraps.before : first;
-    second = second >= size ? wraps.behind : second;
-    set_corners(first, second, part, 0, size[0], lookup.fine[n]);
-    if (lookup.of_coarse > 0.0F) set_corners(first, second, part, 1, size[2], lookup.coarse[n]);
+  if (!is_first) {
+    // Levels hold unit vectors, but for the rounding of 8-bit codes: Taylor's series around 1 is
+    // within 1e-6.
+    const Eight spread = __builtin_shufflevector(texels, texels, 3, 3, 3, 3, 7, 7, 7, 7);
+    const Eight more = size_squared - one;
+    texels = vector * ((one - spread * spread) * (one - more * (0.5F - 0.375F * more)));
+    return;
   }
+  Eight size = size_squared;
+  take_root(size);
+  constexpr Eight kUpright = {0, 0, 1, 0, 0, 0, 1, 0};
+  texels = size > 0.0F ? vector * (one / size) : kUpright;
 }
 
 template <Content content>
@@ -174,41 +262,45 @@ inline void load(const float* light_of_code, const Level& level, int32_t upper, 
 }
 
 template <Content content>
-inline void bilinear(const float* light_of_code, const Level& level, const Corners& at, Four& out) {
+inline void bilinear(const float* light_of_code, const Level& level, const Corners& at, int lane,
+                     Four& out) {
   Eight left, right;
-  load<content>(light_of_code, level, at.texel[0], at.texel[2], left);
-  load<content>(light_of_code, level, at.texel[1], at.texel[3], right);
-  const Eight mixed = left + (right - left) * at.right;
+  load<content>(light_of_code, level, at.texel[0][lane], at.texel[2][lane], left);
+  load<content>(light_of_code, level, at.texel[1][lane], at.texel[3][lane], right);
+  const Eight mixed = left + (right - left) * at.right[lane];
   Four upper, lower;
   __builtin_memcpy(&upper, &mixed, sizeof upper);
   __builtin_memcpy(&lower, reinterpret_cast<const float*>(&mixed) + 4, sizeof lower);
-  out = upper + (lower - upper) * at.below;
+  out = upper + (lower - upper) * at.below[lane];
 }
 
 template <Content content>
-void mean_of(const float* light_of_code, const Level& fine, const Level& coarse,
-             const Lookup& lookup, float* out) {
-  Four sum{};
-  for (int n = 0; n < lookup.places; ++n) {
-    Four value;
-    bilinear<content>(light_of_code, fine, lookup.fine[n], value);
-    if (lookup.of_coarse > 0.0F) {
-      Four blurred;
-      bilinear<content>(light_of_code, coarse, lookup.coarse[n], blurred);
-      value = value + (blurred - value) * lookup.of_coarse;
+void mean_of(const TextureLevels& texture, const Lookup& lookup, Values& out) {
+  for (int r = 0; r < kLanes; ++r) {
+    const int32_t number = lookup.level[r], places = lookup.places[r];
+    const Level& fine = texture.levels[number];
+    const float of_coarse = lookup.of_coarse[r];
+    Four sum{};
+    for (int n = 0; n < places; ++n) {
+      Four value;
+      bilinear<content>(texture.light_of_code, fine, lookup.fine[n], r, value);
+      if (of_coarse > 0.0F) {
+        Four blurred;
+        bilinear<content>(texture.light_of_code, (&fine)[1], lookup.coarse[n], r, blurred);
+        value = value + (blurred - value) * of_coarse;
+      }
+      sum += value;
     }
-    sum += value;
+    sum *= places > 0 ? 1.0F / static_cast<float>(places) : 0.0F;
+    for (int c = 0; c < 4; ++c) out.channel[c][r] = sum[c];
   }
-  sum *= 1.0F / static_cast<float>(lookup.places);
-  __builtin_memcpy(out, &sum, sizeof sum);
 }
 
-void mean(Content content, const float* light_of_code, const Level& fine, const Level& coarse,
-          const Lookup& lookup, float* out) {
-  const auto of_content = content == Content::Colour ? mean_of<Content::Colour>
-                          : content == Content::Data ? mean_of<Content::Data>
-                                                     : mean_of<Content::Normals>;
-  of_content(light_of_code, fine, coarse, lookup, out);
+void mean(const TextureLevels& texture, const Lookup& lookup, Values& out) {
+  const auto of_content = texture.content == Content::Colour ? mean_of<Content::Colour>
+                          : texture.content == Content::Data ? mean_of<Content::Data>
+                                                             : mean_of<Content::Normals>;
+  of_content(texture, lookup, out);
 }
 
 }  // namespace

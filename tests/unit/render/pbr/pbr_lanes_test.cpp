@@ -169,7 +169,9 @@ void PbrLanesOf::expect_agrees(const Scene& scene, const Result& found, size_t r
   const bool is_plain = material.transmission == 0.0;
   ASSERT_EQ((found.lanes.all & kLaneBit[r]) != 0, is_plain);
   if (!is_plain) return;
-  const PbrPoint point = scene.pbr->surface(surface, direction, footprint).point;
+  const SurfacePlace place = place_of(scene, surface, direction, footprint);
+  InputReader reader(scene, place, nullptr, r);
+  const PbrPoint point = scene.pbr->surface(surface, direction, place, reader).point;
   const bool is_seen = surface.outer_side || material.double_sided;
   EXPECT_NEAR(found.alpha[r], is_seen ? point.alpha : 0.0, 1e-4);
   const bool is_shown = found.alpha[r] > 0.0;
