@@ -17,6 +17,8 @@ constexpr MisnamedFile kUsd{"a scene in USD", "convert it to glTF, for example i
 constexpr MisnamedFile kBlender{"a scene of Blender", "export it from Blender as glTF"};
 constexpr MisnamedFile kSplats{"Gaussian splats, which have no surfaces",
                                "convert it to a mesh, or render it to a quilt elsewhere"};
+constexpr MisnamedFile kPicture{"a picture, not what its name says",
+                                "rename it: the name of a PNG or JPEG ends in .png or .jpg"};
 constexpr MisnamedFile kPage{"a page of the web, not the file",
                              "download the file itself, for example by its button 'raw'"};
 
@@ -24,8 +26,10 @@ struct Sign {
   std::string_view text;  ///< the first bytes, or an extension, in lower case
   MisnamedFile is;
 };
-constexpr std::array<Sign, 13> kSigns{{
+constexpr std::array<Sign, 15> kSigns{{
     {"version https://git-lfs", {"a pointer of Git LFS, not the file", "run: git lfs pull"}},
+    {"\x89png", kPicture},
+    {"\xff\xd8\xff", kPicture},
     {"<!doctype html", kPage},
     {"<html", kPage},
     {"blender", kBlender},

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -89,13 +90,18 @@ class PictureMemory final : public OIIO::Filesystem::IOMemReader {
   bool ran_out_ = false;
 };
 
-const char* unknown_kind(std::span<const uint8_t> bytes) {
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  if (text.empty()) return "empty file";
-  const bool film = text.starts_with("\x89LTS") || text.starts_with("\x1A\x45\xDF\xA3") ||
-                    text.substr(std::min<size_t>(4, text.size()), 4) == "ftyp";
-  return film ? "a film, not a picture; 'lenticule convert' takes frames out of it"
-              : "not a picture of a known format";
+/// Returns what a file is that has no picture's mark.
+MisnamedFile unknown_kind(std::string_view text, const std::string& extension) {
+  constexpr std::array kModels{".glb", ".gltf", ".obj", ".fbx", ".ply", ".stl", ".dae", ".3ds"};
+  if (text.empty()) return {"empty file", kPictureRemedy};
+  if (const auto is = recognise_misnamed(text, extension)) return *is;
+  if (text.starts_with("\x89LTS") || text.starts_with("\x1A\x45\xDF\xA3") ||
+      text.substr(std::min<size_t>(4, text.size()), 4) == "ftyp")
+    return {"a film, not a picture",
+            "take one out of it: lenticule convert FILM --frames 0 -o FRAME.png"};
+  if (text.starts_with("glTF") || std::ranges::find(kModels, extension) != kModels.end())
+    return {"a model, not a picture", "make one of it: lenticule render MODEL -o FRAME.png"};
+  return {"not a picture of a known format", kPictureRemedy};
 }
 
 // --- colours of EXR files
@@ -294,19 +300,16 @@ class PictureReader {
     set_up_libraries();
     const std::span<const uint8_t> bytes = part.bytes;
     format_ = detect_format(bytes, name_);
-    if (format_ == ImageFormat::Unknown) refuse_unknown(bytes);
+    if (format_ == ImageFormat::Unknown) {
+      const std::string extension = std::filesystem::path(lower_case(name_)).extension().string();
+      const auto [is, remedy] =
+          unknown_kind({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, extension);
+      throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, is), std::string(remedy));
+    }
     if (!reaches_end_mark(format_, bytes)) fail("truncated");
     if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
     open();
     check_header();
-  }
-
-  [[noreturn]] void refuse_unknown(std::span<const uint8_t> bytes) const {
-    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-    if (const auto is = recognise_misnamed(text, {}))
-      throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, is->what),
-                  std::string(is->remedy));
-    fail(unknown_kind(bytes));
   }
 
   [[nodiscard]] const OIIO::ImageSpec& spec() const { return input_->spec(); }

@@ -114,7 +114,9 @@ void require_file(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(status))
     throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
   std::array<char, 64> head{};
-  std::ifstream(file, std::ios::binary).read(head.data(), head.size());
+  if (std::ifstream(file, std::ios::binary).read(head.data(), head.size()).gcount() == 0)
+    throw Error(ErrorKind::Input, fmt::format("{}: empty, or cannot be read", file.string()),
+                "copy it anew, or export it again");
   if (const auto is =
           recognise_misnamed({head.data(), head.size()}, lower_case(file.extension().string())))
     throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), is->what),

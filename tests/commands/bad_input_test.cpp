@@ -325,6 +325,11 @@ TEST_F(BadInput, NamesTheRemedyOfLikelyMistakes) {
   write_picture("wide.ppm", 128, 36);
   write_picture("00001.ppm", 48, 32);
   write("notes.txt", "hello");
+  write("film.lts", "\x89LTS\r\n\x1a\n");
+  write("model.obj", "v 0 0 0\n");
+  write("photo.glb", "\x89PNG\r\n\x1a\n");
+  write("empty.glb", "");
+  const std::string film = path("film.lts"), model = path("model.obj");
   const std::string rig = path("rig.toml"), scene = path("scene.nff");
   struct Case {
     std::vector<std::string> words;
@@ -342,6 +347,15 @@ TEST_F(BadInput, NamesTheRemedyOfLikelyMistakes) {
            {play(path("wide.ppm")), 4, "128x36 pixels", "--stereo sbs, or _sbs in its name"},
            {play(path("%03d.ppm")), 4, "no such files", "%05d.ppm"},
            {play(path("notes.txt")), 4, "not a picture", "save it again as PNG"},
+           {play(model), 4, "a model, not a picture", "lenticule render MODEL"},
+           {{"convert", model, "-o", "a.png"}, 4, "a model, not", "lenticule render MODEL"},
+           {{"compare", film, film}, 4, "a film, not a picture", "lenticule convert FILM --frames"},
+           {{"eye", film, "--rig", rig, "--eye", "0,0,600", "-o", "b.png"},
+            4,
+            "a film, not a picture",
+            "lenticule convert FILM --frames"},
+           {{"scene", "show", path("photo.glb")}, 4, "photo.glb: a picture", "rename it"},
+           {{"scene", "show", path("empty.glb")}, 4, "empty.glb: empty", "copy it anew"},
            {play("https://example.org/a.png"), 4, "cannot read", "download it first"},
            {play("no.lts"), 4, "cannot read", "the current folder is "},
            {play("card", {"--fps", "0"}), 2, "rate 0/1", "1/3600 to 10000 frames per second"},

@@ -404,6 +404,7 @@ class ConvertRun {
     progress.finish();
     seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     report();
+    say_how_to_resume(flags_.output);
     return player::interrupt_exit_code();
   }
 

@@ -210,6 +210,7 @@ class RenderRun {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     totals_.seconds = elapsed.count();
     report();
+    say_how_to_resume(target_);
     return player::interrupt_exit_code();
   }
 

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/large_memory.h"
+#include "base/print.h"
 #include "base/temporary.h"
 #include "frames/image_io.h"
 #include "frames/ring/ring_renderer.h"
@@ -166,6 +167,13 @@ std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
     throw Error(ErrorKind::Usage, fmt::format("-o {}: neither a .lts nor pictures", request.target),
                 "use FILE.lts, of which 'lenticule convert' makes a video, or 'out/%05d.png'");
   return std::make_unique<PictureFiles>(request);
+}
+
+void say_how_to_resume(const std::string& target) {
+  const bool can_resume =
+      target.ends_with(".lts") || frames::FilePattern::looks_like_pattern(target);
+  if (player::interrupted() && can_resume)
+    say("{}: unfinished; the same command with --resume continues it\n", target);
 }
 
 namespace {

@@ -56,6 +56,9 @@ struct OutputRequest {
 /// Error(Input) for a player that does not answer or refuses.
 [[nodiscard]] std::unique_ptr<FrameOutput> open_output(const OutputRequest& request);
 
+/// Says, after an interruption, how a sequence at `target` is continued.
+void say_how_to_resume(const std::string& target);
+
 // Checks existing files at -o: frames of another rig or scene are replaced only with --overwrite.
 
 inline constexpr const char* kOverwriteHelp =

@@ -577,11 +577,18 @@ TEST_F(ImageRead, RefusesFilesThatAreNotPictures) {
               }).what(),
               HasSubstr("not a picture of a known format"));
   const std::string film = "\x89LTS\r\n\x1a\n", mp4 = std::string(4, '\0') + "ftypisom";
+  const auto expect_refused = [&](const std::string& name, const std::string& bytes,
+                                  const char* what, const char* remedy) {
+    test::expect_error(error_of([&] {
+                         read({bytes.begin(), bytes.end()}, name);
+                       }),
+                       ErrorKind::Input, name + ": " + what, remedy);
+  };
   for (const std::string& bytes : {film, mp4})
-    EXPECT_THAT(error_of([&] {
-                  read({bytes.begin(), bytes.end()});
-                }).what(),
-                HasSubstr("a film, not a picture"));
+    expect_refused("film.png", bytes, "a film, not a picture", "lenticule convert");
+  expect_refused("model.obj", "v 0 0 0\n", "a model, not a picture", "lenticule render");
+  expect_refused("model.png", "glTF\2", "a model, not a picture", "lenticule render");
+  expect_refused("scene.blend", "BLENDER-v300", "a scene of Blender", "glTF");
 }
 
 TEST_F(ImageRead, TheBytesDecideAndNotTheExtension) {
