@@ -251,22 +251,26 @@ class ItemLoader {
     return jump_.end();
   }
   void fail(Arrival arrival, const Error& error) {
+    PlaylistEvent skipped = skipped_by_jump(arrival.item->item, error);
     close(std::move(arrival.item));
     JumpDone done;
     {
       const std::lock_guard lock(mutex_);
       if (!jump_.holds(arrival.serial)) return;
-      done = jump_.end();
+      if (!jump_.request->passes_on()) done = jump_.end();
       next_.requested = true;
       work_there_.notify_all();
     }
-    done(&error);
+    done ? done(&error) : reporter_.report(std::move(skipped));
   }
 
   // Thread safety: any thread.
   void jump(const Jump& jump, const JumpDone& done) {
-    put_request(jump_, done,
-                [&] { return JumpRequest{.place = cursor_.target_of(jump), .frame = jump.frame}; });
+    put_request(jump_, done, [&] {
+      return JumpRequest{.place = cursor_.target_of(jump),
+                         .frame = jump.frame,
+                         .step = jump.relative ? jump.item.value_or(0) : 0};
+    });
   }
   /// Ends an interruption at once. Fails if nothing is interrupted.
   void return_now(const JumpDone& done) {
@@ -401,6 +405,11 @@ class ItemLoader {
                         : fmt::format("{} files to play", files);
   }
 
+  static PlaylistEvent skipped_by_jump(const PlaylistItem& item, const Error& error) {
+    return {
+        .kind = EventKind::ItemSkipped, .source = item.source.text, .detail = with_remedy(error)};
+  }
+
   static void put_at(OpenItem& item, const PlaylistPlace& place) {
     item.list = place.list;
     item.index = place.index;
@@ -423,6 +432,8 @@ class ItemLoader {
   struct JumpRequest {
     PlaylistPlace place{};
     uint64_t frame = 0;
+    int64_t step = 0;              ///< 1 or -1: to the next or the previous item that can be played
+    size_t passed = 0;             ///< items that cannot
     bool returns = false;          ///< to the interrupted item
     bool in_present_list = false;  ///< names an item of the list that is played
     uint64_t serial = 0;
@@ -432,6 +443,15 @@ class ItemLoader {
     bool decoded = false;  ///< cue: the first frames are decoded
     /// Null until it is open, and while the frame copier tries it.
     std::unique_ptr<OpenItem> item{};
+
+    /// Passes over an item that cannot be played. Returns false if no other is left.
+    bool passes_on() {
+      const auto items = static_cast<int64_t>(place.list->items.size());
+      if (step == 0 || ++passed + 1 >= place.list->items.size()) return false;
+      place.index = static_cast<size_t>((static_cast<int64_t>(place.index) + step + items) % items);
+      opened = false;
+      return true;
+    }
   };
   /// JumpSlot holds a jump that is not done yet, or a cued one. A later request replaces it.
   struct JumpSlot {
@@ -607,8 +627,10 @@ class ItemLoader {
       return wake_.signal();
     }
     const bool returns = slot.request->returns;
-    const JumpDone done = slot.end();
     if (jumps) next_.requested = next_was_requested;
+    if (slot.request->passes_on())
+      return unlocked(lock, [&] { reporter_.report(skipped_by_jump(item, *attempt.error)); });
+    const JumpDone done = slot.end();
     if (returns) {
       const Fault fault{.source = item.source.text, .why = with_remedy(*attempt.error)};
       locked_leave_interruption();

@@ -211,6 +211,34 @@ TEST_F(PlaylistSteer, NextAndPreviousWrapAroundTheList) {
   EXPECT_EQ(jump({.item = 3}), "item 3: the list has 3 items");
 }
 
+TEST_F(PlaylistSteer, NextAndPreviousPassItemsThatCannotBePlayed) {
+  for (const char* name : {"a", "d"}) shelf.put(name, {0, {.geometry = kItemSize, .frames = 100}});
+  shelf.put("breaks", {0, {.geometry = kItemSize, .frames = 10, .fails_after = 0}});
+  Playlist list = list_of({"a", "missing", "breaks", "d"}, kForever);
+  for (PlaylistItem& item : list.items) item.loops = kForever;
+  start(list);
+  ASSERT_TRUE(is_moving());
+  EXPECT_EQ(jump({.item = 1, .relative = true}), "");
+  EXPECT_EQ(source->status().source, "d");
+  EXPECT_EQ(source->status().last_problem, "breaks: the fake source broke");
+  EXPECT_EQ(jump({.item = -1, .relative = true}), "");
+  EXPECT_EQ(source->status().source, "a");
+  EXPECT_TRUE(source->status().last_problem.starts_with("missing: no such file"));
+  EXPECT_EQ(jump({.item = 1}), "missing: no such file") << "an item that was asked for by number";
+  EXPECT_EQ(source->status().source, "a");
+}
+
+TEST_F(PlaylistSteer, NextFailsIfNoOtherItemCanBePlayed) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 100}});
+  Playlist list = list_of({"a", "b", "c"}, kForever);
+  list.items[0].loops = kForever;
+  start(list);
+  ASSERT_TRUE(is_moving());
+  EXPECT_EQ(jump({.item = 1, .relative = true}), "c: no such file");
+  EXPECT_TRUE(is_moving());
+  EXPECT_EQ(source->status().source, "a");
+}
+
 TEST_F(PlaylistSteer, TheLastOfManyJumpsCounts) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 1000}});
   start(playlist_of(parse_source("a"), kForever));
