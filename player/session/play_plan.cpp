@@ -355,7 +355,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   if (flags.wall.empty()) plan.rig_file = rig_file_of(flags, plan);
   plan_content(flags, plan);
   plan.context.slots = flags.slots;
-  plan.context.plays_again = plan.playback.loops != 1;
+  plan.context.plays_again = plan.playback.loops != 1 || plan.source.may_be_still();
   plan.context.video_hardware = flags.video_decoder != "software";
   plan.duration_s = flags.duration_s;
   plan.panel_at_start = panel_wait_at_start(flags, service);
@@ -423,7 +423,8 @@ ItemOpener item_opener(const PlayPlan& plan) {
       for (WallPart& part : context.wall) part.card = context.card;
     }
     context.first_frame = first_frame;
-    context.plays_again = item.loops != 1 || item.duration_s.has_value();
+    context.plays_again =
+        item.loops != 1 || item.duration_s.has_value() || item.source.may_be_still();
     return open_source(item.source, context);
   };
 }

@@ -548,7 +548,8 @@ class SteeredPlay {
     if (!is_list_ && !controls_ && !plan_.proof && !is_followed(plan_)) {
       opened = open_source(plan_.source, plan_.context);
       if (plan_.trim) plan_.trim->note_content(opened.woven_elsewhere);
-      const bool still = opened.source->frame_count() == uint64_t{1};
+      const auto count = opened.source->frame_count();
+      const bool still = count ? *count == 1 : plan_.source.may_be_still();
       if (!still || !plan_.source.has_pictures()) return;
     } else {
       opened = {};

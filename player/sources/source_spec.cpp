@@ -112,6 +112,11 @@ bool SourceSpec::has_pictures() const {
   return kind != SourceKind::List && !files().empty();
 }
 
+bool SourceSpec::may_be_still() const {
+  const std::string name = lower_case(text);
+  return name.ends_with(".gif") || name.ends_with(".apng");
+}
+
 std::string SourceSpec::without_prefix() const {
   if (kind == SourceKind::Ring) return text.substr(kRingPrefix.size());
   if (kind == SourceKind::ViewFiles) return text.substr(kViewFilesPrefix.size());

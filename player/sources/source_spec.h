@@ -58,6 +58,8 @@ struct SourceSpec {
 
   /// Returns true for a source whose pictures are in files.
   [[nodiscard]] bool has_pictures() const;
+  /// Returns true for animations, of which only the end tells whether they have several frames.
+  [[nodiscard]] bool may_be_still() const;
   /// Returns the text after "ring:" or "views:", otherwise the whole text.
   [[nodiscard]] std::string without_prefix() const;
   /// Returns the files and patterns that the text names: several for "views:A|B", none for a source

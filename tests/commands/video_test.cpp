@@ -123,6 +123,19 @@ TEST_F(VideoCommands, AGifOfOneFrameIsConvertedToAPicture) {
   expect_end(run({"convert", path("two.gif"), "-o", path("two.png"), "--frames", "0:1"}), 0);
 }
 
+TEST_F(VideoCommands, AGifOfOneFrameStaysAsAPictureDoes) {
+  const auto vblanks = [&](const std::string& name) {
+    std::vector<std::string> words = play(name);
+    words.insert(words.end(), {"--clock", "simulated", "--json"});
+    return results_of(run(words))["vblanks"];
+  };
+  make_film("one.gif", kWidth, kHeight, "-frames:v 1");
+  expect_end(run({"convert", path("one.gif"), "-o", path("one.png")}), 0);
+  EXPECT_EQ(vblanks("one.gif"), vblanks("one.png"));
+  make_film("two.gif", kWidth, kHeight, "-frames:v 2");
+  EXPECT_LT(vblanks("two.gif"), 60);
+}
+
 /// Two thirds of a second of 30 frames a second, then a frame every eighth period.
 TEST_F(VideoCommands, AFilmOfVariableRateKeepsItsLength) {
   make_film("film.mkv", kWidth, kHeight,
