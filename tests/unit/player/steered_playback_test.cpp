@@ -49,7 +49,12 @@ class CutSource final : public test::PlainSource {
     ++pulled_after_cut_;
     return frames::PullStatus::Ready;
   }
-  [[nodiscard]] uint64_t cut() const override { return cut_; }
+  [[nodiscard]] uint64_t cut() const override {
+    const uint64_t read = cut_;
+    if (after_cut_is_read) after_cut_is_read();
+    return read;
+  }
+  std::function<void()> after_cut_is_read;
 
  private:
   std::optional<frames::Rate> rate_;
@@ -111,6 +116,41 @@ TEST_F(SteeredPlayback, AnOutputThatIsOffHoldsTheContentAndMissesNothing) {
   EXPECT_LE(result.report.pace.held, 61u);
   EXPECT_FALSE(result.report.off);
 }
+
+/// A jump is answered, and playback resumed, just when the player has read for the n-th time which
+/// frames are of before a jump.
+class JumpWhileHeld : public SteeredPlayback,
+                      public testing::WithParamInterface<std::tuple<bool, int>> {};
+
+TEST_P(JumpWhileHeld, FramesOfBeforeTheJumpAreNotShownWhenPlaybackResumes) {
+  const auto [by_power, wanted] = GetParam();
+  const auto hold = [&, by_power = by_power](bool held) {
+    if (by_power)
+      (void)control.switch_output(!held, milliseconds(0));
+    else
+      control.pause(held);
+  };
+  CutSource source(std::nullopt);
+  hook->before_vblank = [&](uint64_t sequence) {
+    if (sequence == 20) hold(true);
+  };
+  size_t shown_before = 0;
+  int read = 0;
+  source.after_cut_is_read = [&, wanted = wanted] {
+    const bool is_held = clock->now() > milliseconds(500);
+    if (!is_held || ++read != wanted) return;
+    source.go();
+    hold(false);
+    shown_before = recorder->shown().size();
+  };
+  EXPECT_EQ(play_source(source).outcome, PlayOutcome::Finished);
+  const std::vector<DisplayedFrame> shown = recorder->shown();
+  ASSERT_GT(shown_before, 0U);
+  ASSERT_GT(shown.size(), shown_before);
+  EXPECT_EQ(shown[shown_before].sequence, cut_shown_at());
+}
+INSTANTIATE_TEST_SUITE_P(Moments, JumpWhileHeld,
+                         testing::Combine(testing::Bool(), testing::Range(1, 7)));
 
 TEST_F(SteeredPlayback, TheFirstFrameIsShownBeforeTheOutputIsSwitchedOff) {
   (void)control.switch_output(false, milliseconds(0));
