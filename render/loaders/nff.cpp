@@ -17,7 +17,16 @@ namespace lenticule::render {
 SceneDescription NffScene::finish() {
   const bool empty = scene_.meshes.empty() && scene_.spheres.empty() && scene_.cones.empty();
   if (!empty) finish_lights();
-  write_notes();
+  const auto note_dropped = [&](int count, const char* what) {
+    if (count > 0) scene_.notes.push_back(fmt::format("{} {}", count, what));
+  };
+  note_dropped(dropped_.flat_polygons, "polygons without an area dropped");
+  note_dropped(dropped_.crossed_polygons, "polygons whose outline crosses itself, filled roughly");
+  note_dropped(dropped_.empty_spheres, "spheres of radius 0 dropped");
+  note_dropped(dropped_.empty_cones, "cones without a surface dropped");
+  note_dropped(dropped_.repaired_normals, "normals of length 0 replaced by their polygon's");
+  if (dropped_.material_missing)
+    scene_.notes.emplace_back("objects before the first fill: rendered in white");
   if (empty) refuse_empty(scene_);
   return std::move(scene_);
 }
@@ -125,20 +134,6 @@ TriangleMesh& NffScene::mesh(bool smooth) {
     scene_.meshes.push_back({.name = fmt::format("{} of fill {}", what, m + 1), .material = m});
   }
   return scene_.meshes[static_cast<size_t>(index)];
-}
-
-void NffScene::note_dropped(int count, const char* what) {
-  if (count > 0) scene_.notes.push_back(fmt::format("{} {}", count, what));
-}
-
-void NffScene::write_notes() {
-  note_dropped(dropped_.flat_polygons, "polygons without an area dropped");
-  note_dropped(dropped_.crossed_polygons, "polygons whose outline crosses itself, filled roughly");
-  note_dropped(dropped_.empty_spheres, "spheres of radius 0 dropped");
-  note_dropped(dropped_.empty_cones, "cones without a surface dropped");
-  note_dropped(dropped_.repaired_normals, "normals of length 0 replaced by their polygon's");
-  if (dropped_.material_missing)
-    scene_.notes.emplace_back("objects before the first fill: rendered in white");
 }
 
 namespace {

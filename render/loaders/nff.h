@@ -69,8 +69,6 @@ class NffScene {
   void append_normals(TriangleMesh& mesh, std::span<const Vec3> corners,
                       std::span<const Vec3> normals);
   void finish_lights();
-  void note_dropped(int count, const char* what);
-  void write_notes();
 
   SceneDescription scene_;
   Dropped dropped_;
