@@ -39,18 +39,14 @@ struct alignas(64) Tile {
   float safe;   ///< the lens is certain for places no farther than this from its middle
 };
 
-/// Writes t_far, an empty hit, origin and direction of `count` columns starting at `column`. All
-/// other fields keep their values. Packets begin `stride` floats apart. Returns true if the lens of
-/// some ray is uncertain; uncertain() then identifies the columns.
-using MakeFunction = bool (*)(const Tile&, int column, int count, float* out, int stride);
-using UncertainFunction = bool (*)(const Tile&, int column);
-/// Makes one column, given the distance of each lane's phase from its lens.
-using MakeOneFunction = void (*)(const Tile&, int column, const float* off, float* out);
-
 struct Kernel {
-  MakeFunction make;
-  UncertainFunction uncertain;
-  MakeOneFunction make_one;
+  /// Writes t_far, an empty hit, origin and direction of `count` columns starting at `column`. All
+  /// other fields keep their values. Packets begin `stride` floats apart. Returns true if the lens
+  /// of some ray is uncertain; uncertain() then identifies the columns.
+  bool (*make)(const Tile&, int column, int count, float* out, int stride);
+  bool (*uncertain)(const Tile&, int column);
+  /// Makes one column, given the distance of each lane's phase from its lens.
+  void (*make_one)(const Tile&, int column, const float* off, float* out);
 };
 
 }  // namespace lenticule::render::packet_kernel

@@ -884,19 +884,6 @@ std::shared_ptr<const EnvironmentLight> light_of(const std::shared_ptr<const Tex
   return last;
 }
 
-const std::shared_ptr<const EnvironmentLight>& studio() {
-  static const auto light = std::make_shared<const EnvironmentLight>([](Vec3 direction, double) {
-    return Vec3{1, 1, 1} * studio_light(direction);
-  });
-  return light;
-}
-
-const std::shared_ptr<const EnvironmentLight>& sky() {
-  static const auto light = std::make_shared<const EnvironmentLight>(
-      [](Vec3 direction, double) { return sky_colour(direction.y); });
-  return light;
-}
-
 /// Returns the roughness of a surface whose microfacets vary by `more` (square of alpha) as well.
 double rougher(double roughness, double more) {
   const double alpha = roughness * roughness;
@@ -948,14 +935,20 @@ void PbrScene::set_environment(bool has_studio) {
   const Backdrop& backdrop = scene_.backdrop;
   frame_ = {
       .right = cross(backdrop.ahead, backdrop.up), .up = backdrop.up, .back = -backdrop.ahead};
-  if (backdrop.environment)
+  if (backdrop.environment) {
     environment_ = light_of(backdrop.environment);
-  else if (backdrop.sky)
-    environment_ = sky();
-  else if (has_studio)
-    environment_ = studio();
-  else
+  } else if (backdrop.sky) {
+    static const auto sky = std::make_shared<const EnvironmentLight>(
+        [](Vec3 direction, double) { return sky_colour(direction.y); });
+    environment_ = sky;
+  } else if (has_studio) {
+    static const auto studio = std::make_shared<const EnvironmentLight>([](Vec3 direction, double) {
+      return Vec3{1, 1, 1} * studio_light(direction);
+    });
+    environment_ = studio;
+  } else {
     environment_ = std::make_shared<const EnvironmentLight>(scene_.ambient);
+  }
 }
 
 MaterialInput PbrScene::input(const TextureUse& use, MipMaps::Content content) {
