@@ -17,8 +17,7 @@ constexpr MisnamedFile kUsd{"a scene in USD", "convert it to glTF, for example i
 constexpr MisnamedFile kBlender{"a scene of Blender", "export it from Blender as glTF"};
 constexpr MisnamedFile kSplats{"Gaussian splats, which have no surfaces",
                                "convert it to a mesh, or render it to a quilt elsewhere"};
-constexpr MisnamedFile kPicture{"a picture, not what its name says",
-                                "rename it: the name of a PNG or JPEG ends in .png or .jpg"};
+constexpr MisnamedFile kPicture{"a picture, not what its name says", "rename it: .png or .jpg"};
 constexpr MisnamedFile kPage{"a page of the web, not the file",
                              "download the file itself, for example by its button 'raw'"};
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recognises, by its first bytes or its name, what people take for a picture, a film or
-// a model by mistake.
+// Recognises by first bytes or name what people take for a picture, a film or a model by mistake.
 #pragma once
 
 #include <optional>

@@ -133,8 +133,7 @@ class PictureFileReader {
 /// Lifetime: `reader` must live until the process ends or null is set.
 void use_picture_reader(const PictureFileReader* reader) noexcept;
 
-// Codecs of the formats of most pictures, with libraries that load in a millisecond: OpenImageIO
-// and what it depends on take half a second. They change no code value: chunks that describe
+// Codecs with libraries that load in a millisecond. They change no code value: chunks that describe
 // colours are ignored.
 
 /// Return the codec of PNG, and the decoder of JPEG: null for unusual ones (CMYK, arithmetic

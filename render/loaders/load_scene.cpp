@@ -115,8 +115,7 @@ void require_file(const std::filesystem::path& file) {
     throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
   std::array<char, 64> head{};
   if (std::ifstream(file, std::ios::binary).read(head.data(), head.size()).gcount() == 0)
-    throw Error(ErrorKind::Input, fmt::format("{}: empty, or cannot be read", file.string()),
-                "copy it anew, or export it again");
+    throw Error(ErrorKind::Input, file.string() + ": empty, or cannot be read", "copy it anew");
   if (const auto is =
           recognise_misnamed({head.data(), head.size()}, lower_case(file.extension().string())))
     throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), is->what),

@@ -170,9 +170,8 @@ std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
 }
 
 void say_how_to_resume(const std::string& target) {
-  const bool can_resume =
-      target.ends_with(".lts") || frames::FilePattern::looks_like_pattern(target);
-  if (player::interrupted() && can_resume)
+  const bool resumes = target.ends_with(".lts") || frames::FilePattern::looks_like_pattern(target);
+  if (player::interrupted() && resumes)
     say("{}: unfinished; the same command with --resume continues it\n", target);
 }
 
