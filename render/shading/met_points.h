@@ -3,9 +3,9 @@
 // and the light that arrives there. For the shading kernels of one instruction set.
 #pragma once
 
+#include "render/accel/packet_kernel_lanes.h"
 #include "render/rays/primary_packets_kernel.h"
 #include "render/scene/surface_cells.h"
-#include "render/shading/packet_kernel_lanes.h"
 #include "render/shading/shading_kernel.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {

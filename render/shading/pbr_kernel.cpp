@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/shading/pbr_kernel.h"
 
+#include "render/accel/packet_kernel_lanes.h"
 #include "render/shading/met_points.h"
-#include "render/shading/packet_kernel_lanes.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/textures/texel_kernel.h"
 
-#include "render/shading/packet_kernel_lanes.h"
+#include "render/accel/packet_kernel_lanes.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
 namespace {
