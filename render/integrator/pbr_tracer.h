@@ -59,7 +59,7 @@ class PbrLanes {
     uint32_t shown = 0;    ///< not transparent: the lanes that the following functions shade
     uint32_t passing = 0;  ///< not opaque
   };
-  /// Finds the points of those of `lanes` whose material is a base, a mirror and at most a coat.
+  /// Finds the points of those of `lanes` that the kernel can shade.
   Found find(const Scene& scene, const BeamSize& beam, const RayPacket& packet, uint32_t lanes) {
     if (!scene.pbr->any_plain()) return {};
     alignas(64) int valid[kPacket];

@@ -43,6 +43,29 @@ inline Albedo albedo_at(const pbr_kernel::AlbedoTable& table, const Floats& cosi
           bias + (floats_at(knots[3]) - bias) * across};
 }
 
+/// Interpolates the albedo of white sheen.
+inline Floats sheen_at(const pbr_kernel::SheenTable& table, const Floats& cosine,
+                       const Floats& roughness) {
+  constexpr int kSteps = pbr_kernel::AlbedoTable::kSteps;
+  constexpr int kRow = kSteps + 1;
+  const Floats c = root(clamp01(cosine)) * float{kSteps}, r = clamp01(roughness) * float{kSteps};
+  const Masks row = clamp_index(to_integers(c), Masks::of(kSteps));
+  const Masks column = clamp_index(to_integers(r), Masks::of(kSteps));
+  const Masks at = row * kRow + column;
+  alignas(64) float knots[4][kLanes];
+  for (int n = 0; n < kLanes; ++n) {
+    const float* knot = &table.values[0][0] + at[n];
+    knots[0][n] = knot[0];
+    knots[1][n] = knot[1];
+    knots[2][n] = knot[kRow];
+    knots[3][n] = knot[kRow + 1];
+  }
+  const Floats across = r - to_floats(column);
+  const Floats above = floats_at(knots[0]) + (floats_at(knots[1]) - floats_at(knots[0])) * across;
+  const Floats below = floats_at(knots[2]) + (floats_at(knots[3]) - floats_at(knots[2])) * across;
+  return above + (below - above) * (c - to_floats(row));
+}
+
 /// Place is where a direction lies in the square of the unfolded octahedron; between 0 and 1.
 struct Place {
   Floats x, y;
@@ -198,6 +221,7 @@ constexpr float kGrazing = 0.02F;
 constexpr float kMostBend = 0.18F;
 constexpr float kSmallestCosine = 1e-3F;
 constexpr float kSmallestRoughness = 0.0525F;
+constexpr float kSmallestSheenRoughness = 0.07F;
 constexpr float kCoatF0 = 0.04F;
 
 inline Floats3 operator*(const Floats3& a, const Floats3& b) {
@@ -231,7 +255,7 @@ inline void set(const Masks& where, const float (&rgb)[3], float (&lanes)[3][kLa
 inline void set_factors(const pbr_kernel::Material* materials, const Masks& numbers,
                         const Surfaces& s, Points& p) {
   Masks plain{}, textured{};
-  p.any_coat = 0;
+  p.any_coat = p.any_sheen = 0;
   uint32_t left = bits(masks_at(s.active));
   while (left != 0) {
     const int32_t number = numbers[__builtin_ctz(left)];
@@ -245,12 +269,16 @@ inline void set_factors(const pbr_kernel::Material* materials, const Masks& numb
         select(where, select(seen, Floats::of(1.0F), Floats{}), floats_at(p.alpha));
     if (m.is_textured != 0) textured = textured | seen;
     if (m.coat > 0.0F) p.any_coat = -1;
+    if (m.sheen_colour[0] > 0.0F || m.sheen_colour[1] > 0.0F || m.sheen_colour[2] > 0.0F)
+      p.any_sheen = -1;
     set(where, m.colour, p.colour);
     set(where, m.emission, p.emission);
     set(where, m.metallic, floats_at(p.metallic));
     set(where, m.roughness, floats_at(p.roughness));
     set(where, m.f0, p.f0);
     set(where, m.f90, floats_at(p.f90));
+    set(where, m.sheen_colour, p.sheen_colour);
+    set(where, m.sheen_roughness, floats_at(p.sheen_roughness));
     set(where, m.coat, floats_at(p.coat));
     set(where, m.coat_roughness, floats_at(p.coat_roughness));
   }
@@ -463,6 +491,10 @@ void apply(const pbr_kernel::Material& m, const Textures& t, const Surfaces& s, 
     change(where, Floats3{min(f0.x, one), min(f0.y, one), min(f0.z, one)} * specular, p.f0);
     change(where, specular, p.f90);
   }
+  if (t.sheen_colour != nullptr)
+    change(where, spread(m.sheen_colour) * colour(*t.sheen_colour), p.sheen_colour);
+  if (t.sheen_roughness != nullptr)
+    change(where, clamp01(m.sheen_roughness * channel(*t.sheen_roughness, 3)), p.sheen_roughness);
   if (t.coat != nullptr) change(where, m.coat * channel(*t.coat, 0), p.coat);
   if (t.coat_roughness != nullptr)
     change(where, clamp01(m.coat_roughness * channel(*t.coat_roughness, 1)), p.coat_roughness);
@@ -590,9 +622,14 @@ void shade(const pbr_kernel::Tables& tables, const Points& p, Shaded& out) {
   }
   const Floats occlusion = floats_at(p.occlusion);
   const Floats seen = mirror_occlusion(occlusion, cosine, roughness);
-  store(vector_at(p.emission) + matt * diffuse * occlusion +
-            (mirrored * single + matt * multiple) * seen,
-        out.light);
+  Floats3 light = matt * diffuse * occlusion + (mirrored * single + matt * multiple) * seen;
+  if (p.any_sheen != 0) {
+    const Floats3 tint = vector_at(p.sheen_colour);
+    const Floats share = sheen_at(*tables.sheen, cosine, floats_at(p.sheen_roughness));
+    floats_at(out.below_sheen) = 1.0F - largest_of(tint) * share;
+    light = light * floats_at(out.below_sheen) + tint * matt * (share * occlusion);
+  }
+  store(vector_at(p.emission) + light, out.light);
   if (p.any_coat != 0) add_coat(tables, p, out);
 }
 
@@ -631,6 +668,16 @@ inline Floats of_coat(const Floats3& toward, const Floats3& half, const Floats& 
   return select((cosine > 0.0F) & (floats_at(p.coat) > 0.0F), share, Floats{});
 }
 
+/// Returns pi times density times visibility times the cosine of the light, of white sheen.
+inline Floats of_sheen(const Lobe& lobe, const Floats& roughness) {
+  const Floats held = max(roughness, Floats::of(kSmallestSheenRoughness));
+  const Floats inverse = 1.0F / (held * held);
+  const Floats along = dot(lobe.normal, lobe.half);
+  const Floats density =
+      (1.0F + 0.5F * inverse) * power(max(1.0F - along * along, Floats{}), 0.5F * inverse);
+  return lobe.light * density * (0.25F / (lobe.light + lobe.view - lobe.light * lobe.view));
+}
+
 /// Returns the share of a light that is reflected toward the viewer.
 inline Floats3 reflected(const Floats3& toward, const Surfaces& s, const Points& p,
                          const Shaded& shaded) {
@@ -644,6 +691,9 @@ inline Floats3 reflected(const Floats3& toward, const Surfaces& s, const Points&
   const Floats3 fresnel = mixed(vector_at(shaded.f0), all(floats_at(shaded.f90)), grazing);
   Floats3 sum = vector_at(shaded.diffuse) * cosine +
                 fresnel * vector_at(shaded.stronger) * lobe.value(floats_at(shaded.roughness));
+  if (p.any_sheen != 0)
+    sum = sum * floats_at(shaded.below_sheen) +
+          vector_at(p.sheen_colour) * of_sheen(lobe, floats_at(p.sheen_roughness));
   sum = select(cosine > 0.0F, sum, Floats3{});
   if (p.any_coat != 0)
     sum = sum * floats_at(shaded.below_coat) + all(of_coat(toward, half, grazing, p, shaded));

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Metallic-roughness shading of sixteen points at a time, compiled once per instruction set, for
-// materials that are a base and a mirror, with or without a coat. docs/render/shading.md states the
-// formulas.
-// Plain data only: this header must not bring shared inline functions into a file that is compiled
-// for AVX-512.
+// materials that are a base and a mirror, with or without sheen and a coat. docs/render/shading.md
+// states the formulas. Plain data only: this header must not bring shared inline functions into a
+// file that is compiled for AVX-512.
 //
 // Computes in single precision without fused multiplication, as render/shading/shading_kernel.h
 // does. render/shading/pbr_scene.h computes the same point by point in double precision; it is
@@ -37,6 +36,7 @@ struct Material {
   float normal_scale, occlusion_strength;
   float plain_f0;  ///< reflectance of the dielectric, head on, without `specular` factors
   float specular, specular_colour[3];
+  float sheen_colour[3], sheen_roughness;
   int32_t is_plain;      ///< -1 if this kernel can shade the material
   int32_t is_two_sided;  ///< -1 if the inner side is shaded, too
   int32_t is_textured;   ///< textures or colours of vertices change the factors
@@ -74,6 +74,11 @@ struct AlbedoTable {
   float values[kSteps + 1][kSteps + 1][2];
 };
 
+/// SheenTable holds render::sheen_albedo() at the same knots.
+struct SheenTable {
+  float values[AlbedoTable::kSteps + 1][AlbedoTable::kSteps + 1];
+};
+
 /// AxesInput is what the axes of a normal map depend on: tangents of the vertices or, if these are
 /// null, the change of the texture coordinates along the triangle's edges.
 struct alignas(64) AxesInput {
@@ -86,7 +91,8 @@ struct alignas(64) AxesInput {
 struct Textures {
   uint32_t lanes;  ///< bit mask
   const Values *base_colour, *vertex_colour, *metallic_roughness, *occlusion, *normal, *emission,
-      *specular, *specular_colour, *coat, *coat_roughness, *coat_normal;
+      *specular, *specular_colour, *sheen_colour, *sheen_roughness, *coat, *coat_roughness,
+      *coat_normal;
   AxesInput normal_axes, coat_axes;
 };
 
@@ -95,6 +101,7 @@ struct Tables {
   const Material* materials;
   Environment environment;
   const AlbedoTable* albedo;
+  const SheenTable* sheen;  ///< null if no material has sheen
 };
 
 /// Points holds what the materials say at the points that a packet's lanes met. Values in lanes
@@ -115,9 +122,10 @@ struct alignas(64) Points {
   float occlusion[kLanes];
   float f0[3][kLanes];
   float f90[kLanes];
+  float sheen_colour[3][kLanes], sheen_roughness[kLanes];
   float coat[kLanes], coat_roughness[kLanes];
   float coat_normal[3][kLanes], coat_spread[kLanes];
-  int32_t any_coat;
+  int32_t any_sheen, any_coat;
   uint32_t textured;  ///< bit mask of visible lanes with textures, which the caller applies
 };
 
@@ -130,8 +138,9 @@ struct alignas(64) Shaded {
   float f0[3][kLanes], f90[kLanes];
   float stronger[3][kLanes];
   float diffuse[3][kLanes];
-  float light[3][kLanes];  ///< reflected light of the environment, and emission
-  uint32_t sharp;          ///< bit mask of lanes that see the environment's source in mirrors
+  float below_sheen[kLanes];  ///< share of the light that goes through the sheen
+  float light[3][kLanes];     ///< reflected light of the environment, and emission
+  uint32_t sharp;             ///< bit mask of lanes that see the environment's source in mirrors
   // The same of the coat; only set if there is one.
   alignas(64) float coat_cosine[kLanes];
   float coat_roughness[kLanes];

@@ -202,9 +202,28 @@ double neubelt_visibility(double view_cosine, double light_cosine) {
   return 0.25 / (light_cosine + view_cosine - light_cosine * view_cosine);
 }
 
-double sheen_albedo(double view_cosine, double roughness) {
+namespace {
+
+const AlbedoTable<double>& sheen_table() {
   static const AlbedoTable<double> table(integrated_sheen);
-  return table.at(view_cosine, roughness);
+  return table;
+}
+
+}  // namespace
+
+double sheen_albedo(double view_cosine, double roughness) {
+  return sheen_table().at(view_cosine, roughness);
+}
+
+const pbr_kernel::SheenTable& sheen_albedo_table() {
+  static const auto table = [] {
+    auto values = std::make_unique<pbr_kernel::SheenTable>();
+    for (size_t c = 0; c <= pbr_kernel::AlbedoTable::kSteps; ++c)
+      for (size_t r = 0; r <= pbr_kernel::AlbedoTable::kSteps; ++r)
+        values->values[c][r] = static_cast<float>(sheen_table().knot(c, r));
+    return values;
+  }();
+  return *table;
 }
 
 namespace {
@@ -634,6 +653,10 @@ const pbr_kernel::Textures& LaneTextures::all(const PbrMaterial& m, const Materi
   if (m.emission != Vec3{}) t.emission = value(inputs.emission);
   if (m.specular != 0.0) t.specular = value(inputs.specular);
   if (m.specular_colour != Vec3{}) t.specular_colour = value(inputs.specular_colour);
+  if (m.sheen_colour != Vec3{}) {
+    t.sheen_colour = value(inputs.sheen_colour);
+    t.sheen_roughness = value(inputs.sheen_roughness);
+  }
   if (m.clearcoat == 0.0) return t;
   t.coat = value(inputs.clearcoat);
   t.coat_roughness = value(inputs.clearcoat_roughness);
@@ -750,19 +773,26 @@ Vec3 InputReader::read_mirror(const PbrMaterial& material, const MaterialInputs&
 
 namespace {
 
-/// Returns true if the material consists of a base, a mirror and at most a coat.
+/// Returns true if the material consists of a base and a mirror, with or without sheen
+/// and a coat.
 bool is_plain(const PbrMaterial& m) {
-  return !m.unlit && m.transmission == 0.0 && m.sheen_colour == Vec3{} && m.iridescence == 0.0 &&
-         m.anisotropy == 0.0;
+  return !m.unlit && m.transmission == 0.0 && m.iridescence == 0.0 && m.anisotropy == 0.0;
 }
 
 /// Textures also decide where a material is cut out.
 bool is_textured(const PbrMaterial& m) {
-  const TextureUse* uses[] = {
-      &m.base_colour_texture,     &m.metallic_roughness_texture, &m.normal_texture,
-      &m.occlusion_texture,       &m.emission_texture,           &m.specular_texture,
-      &m.specular_colour_texture, &m.clearcoat_texture,          &m.clearcoat_roughness_texture,
-      &m.clearcoat_normal_texture};
+  const TextureUse* uses[] = {&m.base_colour_texture,
+                              &m.metallic_roughness_texture,
+                              &m.normal_texture,
+                              &m.occlusion_texture,
+                              &m.emission_texture,
+                              &m.specular_texture,
+                              &m.specular_colour_texture,
+                              &m.sheen_colour_texture,
+                              &m.sheen_roughness_texture,
+                              &m.clearcoat_texture,
+                              &m.clearcoat_roughness_texture,
+                              &m.clearcoat_normal_texture};
   return m.alpha_mode != PbrMaterial::AlphaMode::Opaque ||
          std::ranges::any_of(uses, [](const TextureUse* use) { return use->texture >= 0; });
 }
@@ -789,6 +819,8 @@ pbr_kernel::Material table_entry(const PbrMaterial& m) {
   out.plain_f0 = static_cast<float>(dielectric_f0(m.ior, 1.0, kWhite).x);
   out.specular = static_cast<float>(m.specular);
   write(m.specular_colour, out.specular_colour);
+  write(m.sheen_colour, out.sheen_colour);
+  out.sheen_roughness = static_cast<float>(std::clamp(m.sheen_roughness, 0.0, 1.0));
   out.is_plain = is_plain(m) ? -1 : 0;
   out.is_two_sided = m.double_sided ? -1 : 0;
   out.is_textured = is_textured(m) ? -1 : 0;
@@ -798,8 +830,10 @@ pbr_kernel::Material table_entry(const PbrMaterial& m) {
 }  // namespace
 
 void PbrScene::set_tables() {
+  bool any_sheen = false;
   for (const Material& material : scene_.materials) {
     materials_.push_back(table_entry(*material.pbr));
+    any_sheen = any_sheen || largest(material.pbr->sheen_colour) > 0.0;
     any_plain_ = any_plain_ || materials_.back().is_plain != 0;
   }
   for (const MeshShape& mesh : scene_.meshes)
@@ -807,7 +841,8 @@ void PbrScene::set_tables() {
   tables_ = {.shapes = &scene_.shading->tables(),
              .materials = materials_.data(),
              .environment = environment_->tables(),
-             .albedo = &ggx_albedo_table()};
+             .albedo = &ggx_albedo_table(),
+             .sheen = any_sheen ? &sheen_albedo_table() : nullptr};
   write(frame_.right, tables_.environment.right);
   write(frame_.up, tables_.environment.up);
   write(frame_.back, tables_.environment.back);

@@ -58,6 +58,8 @@ struct GgxAlbedo {
 /// Looks up the directional albedo of white sheen in a table, within 0.01 of the integral, but at
 /// most 1: at grazing angles the model itself reflects more light than arrives.
 [[nodiscard]] double sheen_albedo(double view_cosine, double roughness);
+/// Returns the same table in single precision.
+[[nodiscard]] const pbr_kernel::SheenTable& sheen_albedo_table();
 /// Smallest roughness of sheen: below it, all fibres would lie in the surface.
 inline constexpr double kSmallestSheenRoughness = 0.07;
 

@@ -46,7 +46,7 @@ int add_noise(SceneDescription& scene, Random& random) {
   return static_cast<int>(scene.textures.size()) - 1;
 }
 
-/// A material that is a base, a mirror and maybe a coat; every third one has textures.
+/// A material that is a base, a mirror and maybe sheen and a coat; every third one has textures.
 PbrMaterial plain_material(SceneDescription& scene, Random& random) {
   PbrMaterial m;
   m.base_colour = random.colour();
@@ -58,6 +58,8 @@ PbrMaterial plain_material(SceneDescription& scene, Random& random) {
   if (random.one_in(3)) m.emission = random.colour() * 0.2;
   using enum PbrMaterial::AlphaMode;
   if (random.one_in(3)) m.alpha_mode = random.one_in(2) ? Blend : Mask;
+  if (random.one_in(3)) m.sheen_colour = random.colour();
+  m.sheen_roughness = random.in(0.1, 1.0);
   m.clearcoat = random.one_in(3) ? random.in(0, 1) : 0.0;
   m.clearcoat_roughness = random.one_in(3) ? 0.0 : random.in(0.2, 1);
   if (!random.one_in(3)) return m;
@@ -67,6 +69,8 @@ PbrMaterial plain_material(SceneDescription& scene, Random& random) {
   m.metallic_roughness_texture.texture = m.occlusion_texture.texture = add_noise(scene, random);
   m.normal_texture.texture = add_noise(scene, random);
   m.emission_texture.texture = m.base_colour_texture.texture;
+  m.sheen_colour_texture.texture = m.base_colour_texture.texture;
+  m.sheen_roughness_texture.texture = m.metallic_roughness_texture.texture;
   m.clearcoat_roughness = 0.9;
   m.clearcoat_texture.texture = m.clearcoat_roughness_texture.texture = add_noise(scene, random);
   m.clearcoat_normal_texture.texture = m.normal_texture.texture;
