@@ -515,29 +515,52 @@ class Committer {
     }
     scene_.meshes.push_back(std::move(shape));
     instances_.push_back(shown && can_be_instance(*shown) ? shown : nullptr);
-    if (instances_.back() && !prototypes_.try_emplace(shown->shape).second)
+    if (instances_.back() && std::exchange(prototype_of(*shown).is_shown, true))
       repeated_triangles_ += mesh.triangles.size();
   }
 
-  [[nodiscard]] Affine scene_from_shape(const TriangleMesh& shown) const {
+  /// Prototype is a shape in Embree, with sizes of 1 around the origin.
+  struct Prototype {
+    Vec3 centre;                     ///< of the shape
+    double size = 0.0;               ///< half of its longest side
+    bool is_shown = false;           ///< by a mesh that can be an instance
+    EmbreeHandle<RTCScene> scene{};  ///< made on first use
+  };
+
+  Prototype& prototype_of(const TriangleMesh& shown) {
+    const auto [known, is_new] = prototypes_.try_emplace(shown.shape);
+    Prototype& prototype = known->second;
+    if (!is_new) return prototype;
+    Box bounds;
+    for (const Vec3& p : description_.shape_of(shown).positions) bounds.extend(p);
+    prototype.centre = (bounds.low + bounds.high) * 0.5;
+    prototype.size = largest_size(bounds.high - prototype.centre);
+    return prototype;
+  }
+
+  [[nodiscard]] Affine scene_from_prototype(const TriangleMesh& shown) {
     const auto& [units, origin, up, ground] = scene_.frame;
-    return Affine{{units, 0, 0}, {0, units, 0}, {0, 0, units}, -origin * units} * shown.place;
+    const auto scaled = [](double by, Vec3 to) {
+      return Affine{{by, 0, 0}, {0, by, 0}, {0, 0, by}, to};
+    };
+    const Prototype& prototype = prototype_of(shown);
+    return scaled(units, -origin * units) * shown.place * scaled(prototype.size, prototype.centre);
   }
 
   /// Returns false if the last mesh of the scene differs from its shape by more than its place, if
   /// it is so small that Embree's scene of it would be larger, or if single precision would lose
-  /// digits in the shape's frame: a shape may be stretched along its axes, but not be sheared much.
-  [[nodiscard]] bool can_be_instance(const TriangleMesh& shown) const {
+  /// digits in the prototype's frame: a shape may be stretched along its axes, but not be sheared
+  /// much. See embree_accepts() for the smallest size.
+  [[nodiscard]] bool can_be_instance(const TriangleMesh& shown) {
     const MeshShape& mesh = scene_.meshes.back();
     if (shown.shape < 0 || !mesh.wide.empty() || mesh.triangles.size() < kLeastInstance ||
         mesh.triangles.size() != description_.shape_of(shown).triangles.size())
       return false;
-    constexpr double kLargest = 1e5;
-    const Affine map = scene_from_shape(shown);
+    constexpr double kSmallest = 1.0 / 32.0, kLargest = 1e5;
+    const Affine map = scene_from_prototype(shown);
     const double x = length(map.column_x), y = length(map.column_y), z = length(map.column_z);
     const auto [least, most] = std::minmax({x, y, z});
-    return most < kLargest && least > 1.0 / kLargest &&
-           2.0 * std::abs(map.determinant()) > x * y * z;
+    return least > kSmallest && most < kLargest && 2.0 * std::abs(map.determinant()) > x * y * z;
   }
 
   static void add_pbr_vertices(const TriangleMesh& mesh, MeshShape& shape) {
@@ -709,17 +732,7 @@ class Committer {
     return geometry;
   }
 
-  /// Prototype is a shape in Embree, around its centre.
-  struct Prototype {
-    EmbreeHandle<RTCScene> scene;
-    Vec3 centre;
-  };
-
-  [[nodiscard]] Prototype make_prototype(const TriangleMesh& shape) const {
-    Box bounds;
-    for (const Vec3& p : shape.positions) bounds.extend(p);
-    Prototype made{EmbreeHandle<RTCScene>(rtcNewScene(scene_.device.get())),
-                   (bounds.low + bounds.high) * 0.5};
+  void make_scene(Prototype& prototype, const TriangleMesh& shape) const {
     const EmbreeGeometry geometry(rtcNewGeometry(scene_.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
     void* const positions =
         rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
@@ -729,21 +742,21 @@ class Committer {
                                 sizeof(shape.triangles[0]), shape.triangles.size());
     scene_.device.check(description_.source);
     std::ranges::transform(shape.positions, static_cast<Vec3f*>(positions),
-                           [&](Vec3 p) { return Vec3f(p - made.centre); });
+                           [&](Vec3 p) { return Vec3f((p - prototype.centre) / prototype.size); });
     std::ranges::copy(shape.triangles, static_cast<std::array<uint32_t, 3>*>(triangles));
     rtcCommitGeometry(geometry.get());
-    rtcAttachGeometry(made.scene.get(), geometry.get());
-    rtcSetSceneFlags(made.scene.get(), RTC_SCENE_FLAG_ROBUST);
-    rtcCommitScene(made.scene.get());
-    return made;
+    prototype.scene.reset(rtcNewScene(scene_.device.get()));
+    rtcAttachGeometry(prototype.scene.get(), geometry.get());
+    rtcSetSceneFlags(prototype.scene.get(), RTC_SCENE_FLAG_ROBUST);
+    rtcCommitScene(prototype.scene.get());
   }
 
   EmbreeGeometry instance_geometry(const TriangleMesh& shown) {
-    Prototype& prototype = prototypes_[shown.shape];
-    if (!prototype.scene) prototype = make_prototype(description_.shape_of(shown));
-    const Affine map = scene_from_shape(shown);
+    Prototype& prototype = prototype_of(shown);
+    if (!prototype.scene) make_scene(prototype, description_.shape_of(shown));
+    const Affine map = scene_from_prototype(shown);
     const std::array<Vec3f, 4> columns{Vec3f(map.column_x), Vec3f(map.column_y),
-                                       Vec3f(map.column_z), Vec3f(map.point(prototype.centre))};
+                                       Vec3f(map.column_z), Vec3f(map.origin)};
     EmbreeGeometry geometry(rtcNewGeometry(scene_.device.get(), RTC_GEOMETRY_TYPE_INSTANCE));
     rtcSetGeometryInstancedScene(geometry.get(), prototype.scene.get());
     rtcSetGeometryTransform(geometry.get(), 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, columns.data());
@@ -773,7 +786,7 @@ class Committer {
   /// Per mesh of the scene: the mesh of the description that Embree may show as an instance, or
   /// null.
   std::vector<const TriangleMesh*> instances_;
-  std::map<int, Prototype> prototypes_;  ///< by number of the shape; made on first use
+  std::map<int, Prototype> prototypes_;  ///< by number of the shape
   size_t repeated_triangles_ = 0;        ///< of instances, apart from the first of each shape
   bool is_pbr_ = false;
   bool has_ground_shadow_ = false;

@@ -142,9 +142,10 @@ class EmbreeDevice {
 enum class Coherence { Coherent, Incoherent };
 
 /// Returns true if Embree accepts these numbers. Some distributions' Embree checks rays and aborts
-/// the process, so numbers outside these bounds must not reach Embree. Returns false for NaN.
+/// the process, so numbers outside its bounds of 1.8e18 must not reach Embree, also not in the frame
+/// of an instance, where they are up to 128 times larger. Returns false for NaN.
 [[nodiscard]] inline bool embree_accepts(float x, float y, float z) {
-  constexpr float kLimit = 1e18F;
+  constexpr float kLimit = 1e16F;
   return x > -kLimit && x < kLimit && y > -kLimit && y < kLimit && z > -kLimit && z < kLimit;
 }
 

@@ -455,8 +455,8 @@ inline void find_points(const Tables& tables, const float* packet, const Masks& 
 
 /// Fraction of the distance to a light within which an occluder counts as the light itself.
 constexpr float kLightClearance = 1.0F / (1 << 18);
-/// Embree aborts the process on some numbers beyond this limit.
-constexpr float kEmbreeLimit = 1e18F;
+/// Limit of embree_accepts().
+constexpr float kEmbreeLimit = 1e16F;
 
 /// Direction and distance of a light, and the light that arrives if unoccluded.
 struct Arrival {

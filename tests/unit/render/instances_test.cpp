@@ -7,7 +7,9 @@
 #include <memory>
 #include <string>
 #include <tuple>
+#include <vector>
 
+#include "render/accel/ray_stream.h"
 #include "render/methods/method.h"
 #include "render/scene/scene.h"
 #include "tests/support/tiny_scenes.h"
@@ -119,6 +121,37 @@ TEST(SmallShapes, AreNoInstances) {
   scene.shapes = {std::make_shared<const TriangleMesh>(test::box_mesh({0, 0, 0}, {1, 1, 1}, 0))};
   scene.meshes.assign(60'000, {.shape = 0});
   EXPECT_FALSE(Scene(scene, make_tiny_stage(), {}).embree.has_instances());
+}
+
+/// Embree ends the process if the numbers of a ray are too large in the frame of an instance.
+TEST(ManyInstances, TakeAllRaysThatEmbreeAccepts) {
+  SceneDescription scene = balls(50, false);
+  for (size_t n = 0; n < 48; ++n) {
+    Affine& place = scene.meshes[n].place;
+    const Vec3 at = place.point({5, -3, 2});
+    place.column_z = place.column_z * std::pow(2.0, -0.5 * static_cast<double>(n));
+    place.origin = place.origin + at - place.point({5, -3, 2});
+  }
+  scene.meshes.insert(scene.meshes.end(), 48, scene.meshes.back());
+  const Scene committed(scene, make_tiny_stage(), {});
+  ASSERT_TRUE(committed.embree.has_instances());
+  constexpr float kMost = 0.999e16F;
+  ASSERT_TRUE(embree_accepts(kMost, kMost, kMost));
+  for (const float far : {1e10F, kMost})
+    for (const float speed : {1e-12F, 1.0F, kMost}) {
+      std::vector<PathRay> rays;
+      for (const Vec3 from : {Vec3{1, 1, 1}, Vec3{-1, 1, 0.9}, Vec3{0, 1, 0}, Vec3{0.1, -0.2, 1}})
+        rays.push_back({.origin = from * far, .direction = from * -speed, .target = 0});
+      RayPacket packet;
+      ASSERT_EQ(load_packet(rays, packet), 0U);
+      RayPacket shadow = packet;
+      intersect16(packet.valid, committed.embree, packet.rays, Coherence::Coherent);
+      occluded16(shadow.valid, committed.embree, shadow.rays.ray, Coherence::Coherent);
+      for (const PathRay& ray : rays) {
+        RTCRayHit alone = single_ray(Vec3f(ray.origin), Vec3f(ray.direction), 1e30F);
+        intersect1(committed.embree, alone);
+      }
+    }
 }
 
 TEST(SceneKeeper, KeepsInstancesWhileTheStageTurns) {
