@@ -670,11 +670,9 @@ class Committer {
              {mesh.positions.data(), embree_corners(mesh).data()});
     }
     if (!scene_.spheres.empty())
-      attach(make_sphere_geometry(device, scene_.spheres), {GeometryEntry::Kind::Spheres},
-             SceneFeature::UserGeometry);
+      attach(make_sphere_geometry(device, scene_.spheres), {GeometryEntry::Kind::Spheres});
     if (!scene_.cones.empty())
-      attach(make_cone_geometry(device, scene_.cones), {GeometryEntry::Kind::Cones},
-             SceneFeature::UserGeometry);
+      attach(make_cone_geometry(device, scene_.cones), {GeometryEntry::Kind::Cones});
     if (!scene_.wide_triangles.empty())
       attach_last(make_wide_geometry(device, scene_.wide_triangles), SceneFeature::UserGeometry);
     rtcCommitScene(scene_.embree.get());
@@ -765,8 +763,8 @@ class Committer {
     return geometry;
   }
 
-  void attach(EmbreeGeometry geometry, GeometryEntry entry, SceneFeature feature,
-              EmbreeTriangles triangles = {}) {
+  void attach(EmbreeGeometry geometry, GeometryEntry entry,
+              SceneFeature feature = SceneFeature::UserGeometry, EmbreeTriangles triangles = {}) {
     attach_last(std::move(geometry), feature, triangles);
     scene_.geometries.push_back(entry);
   }
@@ -783,8 +781,7 @@ class Committer {
   const Stage& stage_;
   int threads_;
   Scene& scene_;
-  /// Per mesh of the scene: the mesh of the description that Embree may show as an instance, or
-  /// null.
+  /// Per mesh of the scene: its mesh in the description if that can be an instance, or null.
   std::vector<const TriangleMesh*> instances_;
   std::map<int, Prototype> prototypes_;  ///< by number of the shape
   size_t repeated_triangles_ = 0;        ///< of instances, apart from the first of each shape
