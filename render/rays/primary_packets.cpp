@@ -82,7 +82,7 @@ PrimaryPackets::PrimaryPackets(const optics::OpticalModel& model, const TilePlan
 
 PrimaryPackets::Maker::Maker(const PrimaryPackets& packets) : packets_(packets) {
   if (packets.optics_)
-    pieces_.resize(static_cast<size_t>(TilePlan::kColumns / packets.optics_->columns()));
+    pieces_.resize(static_cast<size_t>(TilePlan::kColumns / packets.optics_->constants().columns));
 }
 
 void PrimaryPackets::Maker::start(const Scene& scene, const Tile& tile,
@@ -144,7 +144,7 @@ void PrimaryPackets::Maker::begin(const Scene& scene, const Tile& tile,
 /// Sets up all pieces. Returns false if the polynomials do not cover a piece or a number is not
 /// valid for Embree.
 bool PrimaryPackets::Maker::set_pieces(const Scene& scene) {
-  const int columns = packets_.optics_->columns();
+  const int columns = packets_.optics_->constants().columns;
   int begin = 0;
   for (Piece& piece : pieces_) {
     piece.touches_panel = false;
@@ -162,10 +162,10 @@ bool PrimaryPackets::Maker::set_pieces(const Scene& scene) {
 /// Combines a piece's optics with the start of the rays and the map to the scene.
 bool PrimaryPackets::Maker::combine(const Scene& scene, Piece& piece) const {
   packet_kernel::Tile& out = piece.kernel;
-  const TileOptics& rig = *packets_.optics_;
+  const TileOptics::Constants& rig = packets_.optics_->constants();
   const TileOptics::Tile& in = piece.optics;
   // Rays point away from the viewer, so the direction is -tan per millimetre of depth.
-  for (size_t n = 0; n < static_cast<size_t>(rig.coefficients()); ++n)
+  for (size_t n = 0; n < static_cast<size_t>(rig.coefficients); ++n)
     for (size_t r = 0; r < kLanes; ++r) out.tangent[n][r] = -in.tangent[n][r];
   static_assert(sizeof(out.shift) == sizeof(in.shift_mm));
   std::memcpy(out.shift, in.shift_mm.data(), sizeof(out.shift));
@@ -175,18 +175,18 @@ bool PrimaryPackets::Maker::combine(const Scene& scene, Piece& piece) const {
   std::memcpy(out.phase, in.phase.data(), sizeof(out.phase));
   static_assert(sizeof(out.bend) == sizeof(in.bend));
   std::memcpy(out.bend, in.bend.data(), sizeof(out.bend));
-  out.coefficients = rig.coefficients();
+  out.coefficients = rig.coefficients;
   out.first_colour = (in.column_begin % 3 + 3) % 3;
-  out.lens_step = static_cast<float>(rig.lens_step());
-  out.x_step = static_cast<float>(rig.x_step_mm());
-  out.safe = static_cast<float>(0.5 - rig.phase_error());
+  out.lens_step = static_cast<float>(rig.lens_step);
+  out.x_step = static_cast<float>(rig.x_step_mm);
+  out.safe = static_cast<float>(0.5 - rig.phase_error);
   set_bounds(rig, in, piece.bounds);
   return set_shared(scene, piece);
 }
 
 /// Computes the bounds of a piece. Rows outside the panel are included, so the bounds may be wider
 /// than necessary.
-void PrimaryPackets::Maker::set_bounds(const TileOptics& rig, const TileOptics::Tile& in,
+void PrimaryPackets::Maker::set_bounds(const TileOptics::Constants& rig, const TileOptics::Tile& in,
                                        PieceBounds& out) {
   out = {};
   for (size_t r = 0; r < kLanes; ++r) {
@@ -194,7 +194,7 @@ void PrimaryPackets::Maker::set_bounds(const TileOptics& rig, const TileOptics::
       for (size_t n = 0; n < 3; ++n) out.bend[n].extend(double{in.bend[colour][n][r]});
       out.x0_mm.extend(in.x0_mm[colour][r]);
     }
-    for (size_t n = 0; n < static_cast<size_t>(rig.coefficients()); ++n)
+    for (size_t n = 0; n < static_cast<size_t>(rig.coefficients); ++n)
       out.tangent[n].extend(double{in.tangent[n][r]});
     for (size_t n = 0; n < out.shift_mm.size(); ++n)
       out.shift_mm[n].extend(double{in.shift_mm[n][r]});
@@ -210,7 +210,7 @@ bool PrimaryPackets::Maker::beam(ColumnRange columns, Beam& out) const {
   if (!fast_) {
     add_exact_to_beam(columns, out);
   } else {
-    const int wide = packets_.optics_->columns();
+    const int wide = packets_.optics_->constants().columns;
     for (int p = 0; p < static_cast<int>(pieces_.size()); ++p) {
       const ColumnRange in_piece{std::max(columns.begin - p * wide, 0),
                                  std::min(columns.end - p * wide, wide)};
@@ -249,17 +249,17 @@ Interval values_of(const std::array<Interval, kCount>& coefficients, size_t used
 
 void PrimaryPackets::Maker::add_to_beam(const Piece& piece, ColumnRange columns, Beam& out) const {
   if (!piece.touches_panel) return;
-  const TileOptics& rig = *packets_.optics_;
+  const TileOptics::Constants& rig = packets_.optics_->constants();
   const PieceBounds& of = piece.bounds;
   constexpr double kMostOff = 0.501;  // largest distance from the nearest lens, in lenses
   constexpr double kRounding = 1e-6;
   const Interval c{double(columns.begin), double(columns.end - 1)};
   const Interval argument = (of.bend[0] + c * (of.bend[1] + c * of.bend[2]))
-                                .widened(std::abs(rig.lens_step()) * kMostOff + kRounding);
+                                .widened(std::abs(rig.lens_step) * kMostOff + kRounding);
   const Interval shift = values_of(of.shift_mm, of.shift_mm.size(), argument);
-  const Interval along{rig.x_step_mm() * c.low, rig.x_step_mm() * c.high};
+  const Interval along{rig.x_step_mm * c.low, rig.x_step_mm * c.high};
   out.x_mm.extend(of.x0_mm + along + shift);
-  out.tan_x.extend(values_of(of.tangent, static_cast<size_t>(rig.coefficients()), argument));
+  out.tan_x.extend(values_of(of.tangent, static_cast<size_t>(rig.coefficients), argument));
   out.y_mm.extend(of.y_mm);
   out.tan_y.extend(of.tan_y);
 }
@@ -326,7 +326,7 @@ void PrimaryPackets::Maker::columns(int column, std::span<RayPacket> out) {
     for (int k = 0; k < count; ++k) copy_exact(column + k, out[static_cast<size_t>(k)]);
     return;
   }
-  const int wide = packets_.optics_->columns();
+  const int wide = packets_.optics_->constants().columns;
   for (int done = 0; done < count;) {
     const int in_piece = (column + done) % wide;
     const int next = std::min(count - done, wide - in_piece);

@@ -77,7 +77,8 @@ class PrimaryPackets {
     void begin(const Scene& scene, const Tile& tile, const Footprint& footprint);
     bool set_pieces(const Scene& scene);
     bool combine(const Scene& scene, Piece& piece) const;
-    static void set_bounds(const TileOptics& rig, const TileOptics::Tile& in, PieceBounds& out);
+    static void set_bounds(const TileOptics::Constants& rig, const TileOptics::Tile& in,
+                           PieceBounds& out);
     void add_to_beam(const Piece& piece, ColumnRange columns, Beam& out) const;
     void add_exact_to_beam(ColumnRange columns, Beam& out) const;
     bool set_shared(const Scene& scene, Piece& piece) const;

@@ -83,9 +83,10 @@ bool serves(const optics::Rig& rig) {
 
 }  // namespace
 
-struct TileOptics::Impl {
+struct TileOptics::Impl : TileOptics::Constants {
   Impl(const optics::OpticalModel& m, int tile_columns, std::span<const int, kRows> tile_shifts)
-      : model(m), phases(m, m.design_eye()), columns(tile_columns) {
+      : model(m), phases(m, m.design_eye()) {
+    columns = tile_columns;
     std::copy(tile_shifts.begin(), tile_shifts.end(), shifts.begin());
     const optics::Rig& rig = model.rig();
     lenses_per_px = 3.0 / rig.sheet.pitch.value;
@@ -398,17 +399,13 @@ struct TileOptics::Impl {
 
   optics::OpticalModel model;
   optics::RowPhaseEvaluator phases;
-  int columns;
   std::array<int, kRows> shifts{};
   double lenses_per_px = 0.0;
   double rests_per_lens = 0.0;
   double gamma = 0.0;
   std::array<double, 3> nudge_px{};  ///< x of a subpixel is s / 3 plus the nudge of its colour
   std::array<double, 3> channel_px{};
-  double phase_error = 0.0;
-  int coefficients = 2;         ///< number of coefficients along a row
-  int height_coefficients = 2;  ///< number of coefficients in the height, for each of those
-  bool colours_alike = false;
+  int height_coefficients = 2;  ///< number in the height, for each of the coefficients along a row
   int pieces = 1;
   double piece_width = 0.0;
   double piece_half = 1.0;
@@ -425,6 +422,8 @@ std::unique_ptr<TileOptics> TileOptics::make(const optics::OpticalModel& model, 
   auto impl = std::make_unique<Impl>(model, columns, shifts);
   impl->set_pieces();
   if (!impl->choose_coefficients() || !impl->fit_laws()) return nullptr;
+  impl->lens_step = impl->rests_per_lens / impl->piece_half;
+  impl->x_step_mm = model.rig().panel.pixel_width.value / 3.0;
   impl->measure_phase_error();
   if (!(impl->phase_error <= kMostPhaseError)) return nullptr;
   return std::unique_ptr<TileOptics>(new TileOptics(std::move(impl)));
@@ -441,20 +440,8 @@ std::unique_ptr<TileOptics> TileOptics::make_first(const optics::OpticalModel& m
 TileOptics::TileOptics(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 TileOptics::~TileOptics() = default;
 
-int TileOptics::columns() const {
-  return impl_->columns;
-}
-double TileOptics::phase_error() const {
-  return impl_->phase_error;
-}
-double TileOptics::lens_step() const {
-  return impl_->rests_per_lens / impl_->piece_half;
-}
-double TileOptics::x_step_mm() const {
-  return impl_->model.rig().panel.pixel_width.value / 3.0;
-}
-int TileOptics::coefficients() const {
-  return impl_->coefficients;
+const TileOptics::Constants& TileOptics::constants() const {
+  return *impl_;
 }
 
 bool TileOptics::expand(int row_begin, int column_begin, Tile& out) const {

@@ -24,13 +24,23 @@ class TileOptics {
   static constexpr int kMostCoefficients = 8;  ///< limit for the tangent polynomials
   static constexpr int kShiftCoefficients = 4;
 
+  /// Constants holds what is the same for all tiles of a rig.
+  struct Constants {
+    int columns = 0;             ///< width of a tile
+    int coefficients = 2;        ///< number of tangent[n] in use; the others are not set
+    bool colours_alike = false;  ///< all colours have equal arrays
+    double phase_error = 0.0;    ///< lenses
+    double lens_step = 0.0;
+    double x_step_mm = 0.0;
+  };
+
   /// Tile holds arrays over the rows of a tile and, where colours differ, over the colour that a
   /// column has in row 0, (column_begin + c) mod 3. For column c:
-  ///   phase    = phase[0] + c (phase[1] + c phase[2]), within phase_error();
+  ///   phase    = phase[0] + c (phase[1] + c phase[2]), within phase_error;
   ///   lens     = the integer nearest to the phase; near a border, call exact_off();
-  ///   argument = bend[0] + c (bend[1] + c bend[2]) - lens_step() (phase - lens);
+  ///   argument = bend[0] + c (bend[1] + c bend[2]) - lens_step (phase - lens);
   ///   tan_x    = sum of tangent[n] argument^n;
-  ///   lens_x   = x0_mm + x_step_mm() c + sum of shift_mm[n] argument^n.
+  ///   lens_x   = x0_mm + x_step_mm c + sum of shift_mm[n] argument^n.
   struct Tile {
     using Rows = std::array<double, kRows>;
     using FloatRows = std::array<float, kRows>;
@@ -56,12 +66,7 @@ class TileOptics {
                                                               std::span<const int, kRows> shifts);
   ~TileOptics();
 
-  [[nodiscard]] int columns() const;
-  [[nodiscard]] double phase_error() const;  ///< lenses
-  [[nodiscard]] double lens_step() const;
-  [[nodiscard]] double x_step_mm() const;
-  /// Returns the number of coefficients in use, at most kMostCoefficients; the others are not set.
-  [[nodiscard]] int coefficients() const;
+  [[nodiscard]] const Constants& constants() const;
 
   /// Expands any tile that touches the panel. Returns false if the polynomials do not cover the
   /// tile; `out` is unspecified then.

@@ -110,7 +110,7 @@ class RowPlanes {
     inverse_z_ = parallel ? 0.0 : 1.0 / eye.z_mm;
     eye_tan_y_ = parallel ? eye.y : eye.y / eye.z_mm;
     smooth_ = TileOptics::make_first(model_, kWidths, kUpright);
-    columns_ = smooth_ ? static_cast<size_t>(smooth_->columns()) : 0;
+    columns_ = smooth_ ? static_cast<size_t>(smooth_->constants().columns) : 0;
     set_layout();
     top_mm_ = plane_at(0.0).lens_y_mm;
     rows_per_mm_ = 1.0 / (top_mm_ - plane_at(1.0).lens_y_mm);
@@ -199,7 +199,7 @@ class RowPlanes {
     }
     /// Returns a row of a tile.
     [[nodiscard]] sweep_kernel::RowPiece piece(size_t number) const {
-      const TileOptics& rig = *planes_.smooth_;
+      const TileOptics::Constants& rig = planes_.smooth_->constants();
       const TileOptics::Tile& tile = tiles_[number];
       const auto r = static_cast<size_t>(in_band_);
       sweep_kernel::RowPiece piece{};
@@ -210,19 +210,15 @@ class RowPlanes {
         }
         piece.x0[colour] = static_cast<float>(tile.x0_mm[colour][r]);
       }
-      const auto same = [&](const auto& a, const auto& b) { return std::equal(a, a + 3, b); };
-      piece.colours_alike =
-          same(piece.phase[0], piece.phase[1]) && same(piece.phase[0], piece.phase[2]) &&
-          same(piece.bend[0], piece.bend[1]) && same(piece.bend[0], piece.bend[2]) &&
-          piece.x0[0] == piece.x0[1] && piece.x0[0] == piece.x0[2];
-      piece.coefficients = rig.coefficients();
+      piece.colours_alike = rig.colours_alike;
+      piece.coefficients = rig.coefficients;
       for (size_t n = 0; n < static_cast<size_t>(piece.coefficients); ++n)
         piece.tangent[n] = tile.tangent[n][r];
       for (size_t n = 0; n < TileOptics::kShiftCoefficients; ++n)
         piece.shift[n] = tile.shift_mm[n][r];
-      piece.lens_step = static_cast<float>(rig.lens_step());
-      piece.x_step = static_cast<float>(rig.x_step_mm());
-      piece.safe = static_cast<float>(0.5 - rig.phase_error());
+      piece.lens_step = static_cast<float>(rig.lens_step);
+      piece.x_step = static_cast<float>(rig.x_step_mm);
+      piece.safe = static_cast<float>(0.5 - rig.phase_error);
       return piece;
     }
     /// Tiles [begin, end) whose rays may leave the panel in a range.
