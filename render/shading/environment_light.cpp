@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "render/rays/primary_rays.h"
+#include "render/shading/shading_tables.h"
 
 namespace lenticule::render {
 namespace {
@@ -85,6 +86,14 @@ std::vector<LobeSample> lobe_samples(double alpha, size_t maps) {
 EnvironmentLight::Map::Map(int side)
     : size(side), texels(static_cast<size_t>((side + 2) * (side + 2) + 1)) {}
 
+template <class Value>
+EnvironmentLight::Map::Map(int side, const Value& value) : Map(side) {
+  tbb::parallel_for(0, side, [&](int y) {
+    for (int x = 0; x < side; ++x) texel(x, y) = Vec3f(value(x, y));
+  });
+  set_border();
+}
+
 void EnvironmentLight::Map::set_border() {
   const int last = size - 1;
   for (int k = 0; k < size; ++k) {
@@ -110,38 +119,31 @@ Vec3 EnvironmentLight::Map::at(Vec2 place) const {
 }
 
 EnvironmentLight::Map EnvironmentLight::Map::halved() const {
-  Map half(size / 2);
-  for (int y = 0; y < half.size; ++y)
-    for (int x = 0; x < half.size; ++x)
-      half.texel(x, y) = (texel(2 * x, 2 * y) + texel(2 * x + 1, 2 * y) + texel(2 * x, 2 * y + 1) +
-                          texel(2 * x + 1, 2 * y + 1)) *
-                         0.25F;
-  half.set_border();
-  return half;
+  return Map(size / 2, [this](int x, int y) {
+    return (texel(2 * x, 2 * y) + texel(2 * x + 1, 2 * y) + texel(2 * x, 2 * y + 1) +
+            texel(2 * x + 1, 2 * y + 1)) *
+           0.25F;
+  });
 }
 
 EnvironmentLight::Map EnvironmentLight::filtered(const std::vector<Map>& light, double roughness) {
   const std::vector<LobeSample> lobe = lobe_samples(roughness * roughness, light.size());
-  Map map(size_for(roughness));
-  tbb::parallel_for(0, map.size, [&](int y) {
-    for (int x = 0; x < map.size; ++x) {
-      const Vec3 ahead = normalized(octahedron_at(middle(x, y, map.size)));
-      const Vec3 aside =
-          normalized(cross(std::abs(ahead.y) < 0.9 ? Vec3{0, 1, 0} : Vec3{1, 0, 0}, ahead));
-      const Vec3 above = cross(ahead, aside);
-      Vec3 sum;
-      double weights = 0.0;
-      for (const LobeSample& sample : lobe) {
-        const Vec3 direction =
-            aside * sample.direction.x + above * sample.direction.y + ahead * sample.direction.z;
-        sum += light[sample.map].at(place_of(direction)) * sample.weight;
-        weights += sample.weight;
-      }
-      map.texel(x, y) = Vec3f(sum / weights);
+  const int size = size_for(roughness);
+  return Map(size, [&](int x, int y) {
+    const Vec3 ahead = normalized(octahedron_at(middle(x, y, size)));
+    const Vec3 aside =
+        normalized(cross(std::abs(ahead.y) < 0.9 ? Vec3{0, 1, 0} : Vec3{1, 0, 0}, ahead));
+    const Vec3 above = cross(ahead, aside);
+    Vec3 sum;
+    double weights = 0.0;
+    for (const LobeSample& sample : lobe) {
+      const Vec3 direction =
+          aside * sample.direction.x + above * sample.direction.y + ahead * sample.direction.z;
+      sum += light[sample.map].at(place_of(direction)) * sample.weight;
+      weights += sample.weight;
     }
+    return sum / weights;
   });
-  map.set_border();
-  return map;
 }
 
 EnvironmentLight::Map EnvironmentLight::cosine_filtered(const Map& light) {
@@ -158,41 +160,33 @@ EnvironmentLight::Map EnvironmentLight::cosine_filtered(const Map& light) {
       const double angle = 1.0 / (distance * distance * distance);
       parts.push_back({at / distance, Vec3(light.texel(x, y)) * angle, angle});
     }
-  Map map(kDiffuseSize);
-  tbb::parallel_for(0, map.size, [&](int y) {
-    for (int x = 0; x < map.size; ++x) {
-      const Vec3 normal = normalized(octahedron_at(middle(x, y, map.size)));
-      Vec3 sum;
-      double weights = 0.0;
-      for (const Part& part : parts) {
-        const double cosine = std::max(0.0, dot(normal, part.direction));
-        sum += part.light * cosine;
-        weights += part.angle * cosine;
-      }
-      map.texel(x, y) = Vec3f(sum / weights);
+  return Map(kDiffuseSize, [&](int x, int y) {
+    const Vec3 normal = normalized(octahedron_at(middle(x, y, kDiffuseSize)));
+    Vec3 sum;
+    double weights = 0.0;
+    for (const Part& part : parts) {
+      const double cosine = std::max(0.0, dot(normal, part.direction));
+      sum += part.light * cosine;
+      weights += part.angle * cosine;
     }
+    return sum / weights;
   });
-  map.set_border();
-  return map;
 }
 
 EnvironmentLight::EnvironmentLight(Vec3 uniform) : uniform_(uniform) {}
 
 EnvironmentLight::EnvironmentLight(Source source) : source_(std::move(source)) {
-  std::vector<Map> light{Map(kSourceSize)};
-  tbb::parallel_for(0, kSourceSize, [&](int y) {
-    const double angle = std::sqrt(4.0 * kPi) / (kRaysPerSide * kSourceSize);
-    for (int x = 0; x < kSourceSize; ++x) {
-      Vec3 sum;
-      for (int j = 0; j < kRaysPerSide; ++j)
-        for (int i = 0; i < kRaysPerSide; ++i)
-          sum += source_(normalized(octahedron_at(middle(kRaysPerSide * x + i, kRaysPerSide * y + j,
-                                                         kRaysPerSide * kSourceSize))),
-                         angle);
-      light.front().texel(x, y) = Vec3f(sum / (kRaysPerSide * kRaysPerSide));
-    }
-  });
-  light.front().set_border();
+  constexpr int kRays = kRaysPerSide * kSourceSize;
+  const double angle = std::sqrt(4.0 * kPi) / kRays;
+  std::vector<Map> light{Map(kSourceSize, [&](int x, int y) {
+    Vec3 sum;
+    for (int j = 0; j < kRaysPerSide; ++j)
+      for (int i = 0; i < kRaysPerSide; ++i)
+        sum += source_(
+            normalized(octahedron_at(middle(kRaysPerSide * x + i, kRaysPerSide * y + j, kRays))),
+            angle);
+    return sum / (kRaysPerSide * kRaysPerSide);
+  })};
   while (light.back().size > 4) light.push_back(light.back().halved());
   const auto coarse =
       std::ranges::find_if(light, [](const Map& m) { return m.size <= kDiffuseSize; });
@@ -229,9 +223,7 @@ pbr_kernel::Environment EnvironmentLight::tables() const {
   };
   pbr_kernel::Environment out{};
   out.is_uniform = source_ ? 0 : -1;
-  out.uniform[0] = static_cast<float>(uniform_.x);
-  out.uniform[1] = static_cast<float>(uniform_.y);
-  out.uniform[2] = static_cast<float>(uniform_.z);
+  write(uniform_, out.uniform);
   if (!source_) return out;
   out.diffuse = table(diffuse_);
   for (size_t n = 0; n < maps_.size(); ++n) out.mirrored[n] = table(maps_[n]);

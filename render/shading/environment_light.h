@@ -44,6 +44,9 @@ class EnvironmentLight {
     std::vector<Vec3f> texels{};  ///< one more, since kernels read four numbers of each
 
     explicit Map(int side);
+    /// Makes a map of value(x, y), called from several threads.
+    template <class Value>
+    Map(int side, const Value& value);
     [[nodiscard]] size_t index(int x, int y) const {
       return static_cast<size_t>((y + 1) * (size + 2) + x + 1);
     }
