@@ -48,8 +48,10 @@ constexpr std::array<Sign, 15> kSigns{{
 std::optional<MisnamedFile> recognise_misnamed(std::string_view head, std::string_view extension) {
   head.remove_prefix(std::min(head.find_first_not_of(" \t\r\n"), head.size()));
   const std::string begin = lower_case(std::string(head.substr(0, 64)));
+  const bool is_picture = extension == ".png" || extension == ".jpg" || extension == ".jpeg";
   const auto* const found = std::ranges::find_if(kSigns, [&](const Sign& sign) {
-    return begin.starts_with(sign.text) || extension == sign.text;
+    return (begin.starts_with(sign.text) && !(sign.is.what == kPicture.what && is_picture)) ||
+           extension == sign.text;
   });
   return found == kSigns.end() ? std::nullopt : std::optional(found->is);
 }

@@ -433,7 +433,7 @@ class ItemLoader {
     PlaylistPlace place{};
     uint64_t frame = 0;
     int64_t step = 0;              ///< 1 or -1: to the next or the previous item that can be played
-    size_t passed = 0;             ///< items that cannot
+    size_t passed = 0;             ///< number of items on the way that cannot be played
     bool returns = false;          ///< to the interrupted item
     bool in_present_list = false;  ///< names an item of the list that is played
     uint64_t serial = 0;
@@ -450,6 +450,7 @@ class ItemLoader {
       if (step == 0 || ++passed + 1 >= place.list->items.size()) return false;
       place.index = static_cast<size_t>((static_cast<int64_t>(place.index) + step + items) % items);
       opened = false;
+      since = SteadyClock::now();
       return true;
     }
   };

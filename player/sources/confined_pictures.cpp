@@ -37,10 +37,11 @@ constexpr ConfinedProgram kProgram{.name = "lenticule-pictures",
                                    .package = "lenticule-media",
                                    .remedy = "the file is broken; save it again as PNG"};
 
-/// Formats that a decoder reads. One of PNG and usual JPEGs starts in a hundredth of the time.
+/// Formats that a decoder reads. A decoder that reads PNG and common JPEGs only starts in a
+/// hundredth of the time.
 enum class Formats { Usual, All };
 
-/// Thrown by a decoder of usual pictures for others.
+/// Thrown if a decoder that reads PNG and common JPEGs only got another picture.
 class UnusualPicture final : public std::exception {};
 
 /// OpenPicture is a picture whose bytes can be passed to a decoder.

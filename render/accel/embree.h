@@ -142,8 +142,8 @@ class EmbreeDevice {
 enum class Coherence { Coherent, Incoherent };
 
 /// Returns true if Embree accepts these numbers. Some distributions' Embree checks rays and aborts
-/// the process for numbers beyond 1.8e18, which must not reach it, not even in the frame of an
-/// instance, where they are up to 128 times larger. Returns false for NaN.
+/// the process for numbers beyond 1.8e18. The limit is lower, since numbers may be 128 times larger
+/// in the frame of an instance. Returns false for NaN.
 [[nodiscard]] inline bool embree_accepts(float x, float y, float z) {
   constexpr float kLimit = 1e16F;
   return x > -kLimit && x < kLimit && y > -kLimit && y < kLimit && z > -kLimit && z < kLimit;

@@ -178,17 +178,26 @@ GgxAlbedo ggx_albedo(double view_cosine, double roughness) {
   return ggx_table().at(view_cosine, roughness);
 }
 
+namespace {
+
+/// Makes a table of the kernel; `set` writes a knot.
+template <class Table, class Value, class Set>
+std::unique_ptr<const Table> narrowed(const AlbedoTable<Value>& from, const Set& set) {
+  auto table = std::make_unique<Table>();
+  for (size_t c = 0; c <= pbr_kernel::AlbedoTable::kSteps; ++c)
+    for (size_t r = 0; r <= pbr_kernel::AlbedoTable::kSteps; ++r)
+      set(from.knot(c, r), table->values[c][r]);
+  return table;
+}
+
+}  // namespace
+
 const pbr_kernel::AlbedoTable& ggx_albedo_table() {
-  static const auto table = [] {
-    auto values = std::make_unique<pbr_kernel::AlbedoTable>();
-    for (size_t c = 0; c <= pbr_kernel::AlbedoTable::kSteps; ++c)
-      for (size_t r = 0; r <= pbr_kernel::AlbedoTable::kSteps; ++r) {
-        const GgxAlbedo& knot = ggx_table().knot(c, r);
-        values->values[c][r][0] = static_cast<float>(knot.scale);
-        values->values[c][r][1] = static_cast<float>(knot.bias);
-      }
-    return values;
-  }();
+  static const auto table =
+      narrowed<pbr_kernel::AlbedoTable>(ggx_table(), [](const GgxAlbedo& from, float(&to)[2]) {
+        to[0] = static_cast<float>(from.scale);
+        to[1] = static_cast<float>(from.bias);
+      });
   return *table;
 }
 
@@ -216,13 +225,8 @@ double sheen_albedo(double view_cosine, double roughness) {
 }
 
 const pbr_kernel::SheenTable& sheen_albedo_table() {
-  static const auto table = [] {
-    auto values = std::make_unique<pbr_kernel::SheenTable>();
-    for (size_t c = 0; c <= pbr_kernel::AlbedoTable::kSteps; ++c)
-      for (size_t r = 0; r <= pbr_kernel::AlbedoTable::kSteps; ++r)
-        values->values[c][r] = static_cast<float>(sheen_table().knot(c, r));
-    return values;
-  }();
+  static const auto table = narrowed<pbr_kernel::SheenTable>(
+      sheen_table(), [](double from, float& to) { to = static_cast<float>(from); });
   return *table;
 }
 
@@ -607,7 +611,11 @@ const texel_kernel::Values* LaneTextures::value(const MaterialInput& input) {
   for (size_t n = 0; n < count_; ++n)
     if (known_[n]->maps == input.maps && known_[n]->has_coordinates_of(input)) return &values_[n];
   if (!find_coordinates(input)) return nullptr;
-  if (lookup_.shape != input.maps->shape()) input.maps->find(area_, lookup_);
+  if (lookup_.shape != input.maps->shape()) {
+    input.maps->find(area_, lookup_);
+    for (size_t r = 0; r < places_.size(); ++r)
+      if ((lanes_ >> r & 1) == 0) lookup_.texels.places[r] = 0;
+  }
   known_[count_] = &input;
   input.maps->values(lookup_, values_[count_]);
   return &values_[count_++];
@@ -781,20 +789,8 @@ bool is_plain(const PbrMaterial& m) {
 
 /// Textures also decide where a material is cut out.
 bool is_textured(const PbrMaterial& m) {
-  const TextureUse* uses[] = {&m.base_colour_texture,
-                              &m.metallic_roughness_texture,
-                              &m.normal_texture,
-                              &m.occlusion_texture,
-                              &m.emission_texture,
-                              &m.specular_texture,
-                              &m.specular_colour_texture,
-                              &m.sheen_colour_texture,
-                              &m.sheen_roughness_texture,
-                              &m.clearcoat_texture,
-                              &m.clearcoat_roughness_texture,
-                              &m.clearcoat_normal_texture};
   return m.alpha_mode != PbrMaterial::AlphaMode::Opaque ||
-         std::ranges::any_of(uses, [](const TextureUse* use) { return use->texture >= 0; });
+         std::ranges::any_of(kPbrTextures, [&](auto use) { return (m.*use).texture >= 0; });
 }
 
 pbr_kernel::Material table_entry(const PbrMaterial& m) {

@@ -232,7 +232,8 @@ class LaneTextures {
 /// scene and the place.
 class InputReader {
  public:
-  /// Takes the texels from `lanes`, of which `lane` has the place, unless it is null.
+  /// Takes the texels from lane `lane` of `lanes`, which has the place. If `lanes` is null, looks
+  /// them up.
   InputReader(const Scene& scene, const SurfacePlace& place, LaneTextures* lanes, size_t lane)
       : scene_(scene), place_(place), lanes_(lanes), lane_(lane) {}
 

@@ -41,7 +41,6 @@ struct TextureShape {
 /// mostly have one.
 struct TextureLookup {
   TextureShape shape;  ///< shape of the textures; has no width if nothing was looked up
-  size_t fine = 0;     ///< number of the sharper level
   texel_kernel::Lookup texels;
 };
 
@@ -56,8 +55,8 @@ class MipMaps {
   using Value = std::array<double, 4>;
   /// Returns the mean over the footprint around (u, v): several trilinear lookups along its longer
   /// axis. Repeats or extends the texture as Texture states. For normal maps the first three
-  /// channels are the mean vector, which is the shorter the more the vectors differ. Non-finite
-  /// coordinates count as 0.
+  /// channels are the mean vector, which is the shorter the more the vectors differ. Coordinates
+  /// that are not finite, or from 1e15 on, count as 0.
   [[nodiscard]] Value value(Vec2 at, const TextureFootprint& footprint) const;
   /// Do the same for sixteen look-ups, in two steps. The second one must be given a look-up of the
   /// shape of the texture.

@@ -18,16 +18,15 @@ using texel_kernel::Values;
 
 // ---- places
 
-/// Ellipses holds the places of look-ups: how many, and the way from the first to the last, plus
-/// one distance of neighbours, in texture coordinates.
+/// Ellipses holds the places of look-ups.
 struct Ellipses {
-  Masks places;
-  Floats along[2];
+  Masks places;     ///< number of places, at equal distances
+  Floats along[2];  ///< number of places times the distance from one to the next, as u and v
   Masks level;
   Floats of_coarse;
 };
 
-/// Limits a length in texels. At the horizon of a plane there are none.
+/// Limits a length in texels: at the horizon of a plane, lengths are infinite.
 inline Floats held(const Floats& length) {
   constexpr float kLongest = 1e9F;
   return max(min(length, Floats::of(kLongest)), Floats::of(-kLongest));

@@ -68,7 +68,8 @@ struct alignas(64) Lookup {
 };
 
 struct Kernel {
-  /// Finds the texels of a look-up per lane. Non-finite coordinates count as 0.
+  /// Finds the texels of a look-up per lane. Coordinates that are not
+  /// finite, or from 1e15 on, count as 0.
   void (*find)(const TextureLevels&, const Area&, Lookup&);
   /// Computes the mean of each lane; 0 in lanes without places. `lookup` must have been made for a
   /// texture of the same size.

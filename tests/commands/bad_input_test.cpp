@@ -328,6 +328,7 @@ TEST_F(BadInput, NamesTheRemedyOfLikelyMistakes) {
   write("film.lts", "\x89LTS\r\n\x1a\n");
   write("model.obj", "v 0 0 0\n");
   write("photo.glb", "\x89PNG\r\n\x1a\n");
+  write("photo.png", "\x89PNG\r\n\x1a\n");
   write("empty.glb", "");
   const std::string film = path("film.lts"), model = path("model.obj");
   const std::string rig = path("rig.toml"), scene = path("scene.nff");
@@ -355,6 +356,7 @@ TEST_F(BadInput, NamesTheRemedyOfLikelyMistakes) {
             "a film, not a picture",
             "lenticule convert FILM --frames"},
            {{"scene", "show", path("photo.glb")}, 4, "photo.glb: a picture", "rename it"},
+           {{"scene", "show", path("photo.png")}, 4, "unknown scene format '.png'", "use .glb"},
            {{"scene", "show", path("empty.glb")}, 4, "empty.glb: empty", "copy it anew"},
            {play("https://example.org/a.png"), 4, "cannot read", "download it first"},
            {play("no.lts"), 4, "cannot read", "the current folder is "},

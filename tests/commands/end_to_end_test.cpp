@@ -133,7 +133,7 @@ TEST_F(EndToEnd, InterruptionKeepsWhatIsFinished) {
   expect_end(run({"render", "builtin:demo", "--rig", path("rig.toml"), "--frames", "0:5000", "-o",
                   path("out/%05d.png")},
                  {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(1500)}),
-             130, "--resume continues it");
+             130, "repeat the command with --resume");
   const auto finished = frames::FilePattern(path("out/%05d.png")).existing();
   ASSERT_FALSE(finished.empty());
   for (const uint64_t number : finished)

@@ -172,7 +172,8 @@ std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
 void say_how_to_resume(const std::string& target) {
   const bool resumes = target.ends_with(".lts") || frames::FilePattern::looks_like_pattern(target);
   if (player::interrupted() && resumes)
-    say("{}: unfinished; the same command with --resume continues it\n", target);
+    say("{}: unfinished; to go on, repeat the command with --resume, and without --overwrite\n",
+        target);
 }
 
 namespace {

@@ -14,6 +14,8 @@ using frames::TextureContent;
 using enum frames::TextureContent;
 
 constexpr double kBrightest = 1e6;
+/// Limit of the scale of normal maps.
+constexpr double kSteepest = 1e6;
 
 Vec3 clamped(Vec3 c, double high) {
   return {std::clamp(c.x, 0.0, high), std::clamp(c.y, 0.0, high), std::clamp(c.z, 0.0, high)};
@@ -221,7 +223,7 @@ void Materials::read_core(const JsonAt& from, PbrMaterial& to) {
   to.normal_texture = texture(from, "normalTexture", Data);
   if (to.normal_texture.texture >= 0) {
     inputs_.back().tangent_uvs = static_cast<size_t>(to.normal_texture.uv_set);
-    to.normal_scale = from.at("normalTexture").number("scale", 1.0);
+    to.normal_scale = from.at("normalTexture").number_within("scale", 1.0, -kSteepest, kSteepest);
   }
   to.occlusion_texture = texture(from, "occlusionTexture", Data);
   if (to.occlusion_texture.texture >= 0)

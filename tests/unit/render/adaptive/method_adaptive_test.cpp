@@ -310,7 +310,7 @@ TEST(MethodAdaptive, AgreesWithFullForUnusableRays) {
   const optics::OpticalModel model(rig);
   SceneDescription description = test::tiny_scenes().front().scene;
   description.background = {0.2, 0.5, 0.7};
-  for (const double depth_scale : {1e-22, 3e-19, 1e-17, 1e-3}) {
+  for (const double depth_scale : {1e-20, 3e-17, 1e-15, 1e-3}) {
     const Stage stage = make_tiny_stage({.depth_scale = depth_scale});
     const Scene scene(description, stage, {}, 1);
     frames::WovenFrame full({rig.panel.width_px, rig.panel.height_px}), adaptive = full;
@@ -319,8 +319,8 @@ TEST(MethodAdaptive, AgreesWithFullForUnusableRays) {
     };
     const uint64_t invalid = render("full", full).invalid_rays;
     EXPECT_EQ(render("adaptive", adaptive).invalid_rays, invalid) << depth_scale;
-    EXPECT_EQ(invalid, depth_scale < 1e-20 ? full.bytes().size() : 0U) << depth_scale;
-    if (depth_scale < 1e-18) {
+    EXPECT_EQ(invalid, depth_scale < 1e-18 ? full.bytes().size() : 0U) << depth_scale;
+    if (depth_scale < 1e-16) {
       EXPECT_EQ(adaptive, full) << depth_scale;
     } else {
       EXPECT_GT(compare(full, adaptive).psnr, 33.0) << depth_scale;
