@@ -420,7 +420,7 @@ class PbrTracer {
         result_.rgb[c][r] +=
             (lanes & kLaneBit[r]) != 0 ? weight_.rgb[c][r] * shown.rgb[c][r] : 0.0F;
   }
-  /// What a path does at the surface that a lane met.
+  /// Next tells how a path goes on at the surface that a lane met.
   enum class Next { End, Pass, Shade };
   /// Finds the surface.
   Next meet(const View& view, const RayPacket& packet, size_t lane) {

@@ -30,7 +30,7 @@ struct Material {
   float f0[3];  ///< reflectance of the dielectric, head on
   float f90;    ///< reflectance of the dielectric, grazing
   float coat, coat_roughness;
-  // What textures multiply:
+  // Factors that textures multiply:
   enum AlphaMode : int32_t { kOpaque, kMask, kBlend } alpha_mode;
   float alpha, alpha_cutoff;
   float normal_scale, occlusion_strength;
@@ -87,7 +87,7 @@ struct alignas(64) AxesInput {
 };
 
 /// Textures holds what textures and vertices say at the points of lanes that have one material.
-/// What is null changes nothing.
+/// A null pointer changes nothing.
 struct Textures {
   uint32_t lanes;  ///< bit mask
   const Values *base_colour, *vertex_colour, *metallic_roughness, *occlusion, *normal, *emission,
