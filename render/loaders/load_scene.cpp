@@ -113,11 +113,15 @@ void require_file(const std::filesystem::path& file) {
                 "correct the name; built-in scenes are named builtin:demo");
   if (!std::filesystem::is_regular_file(status))
     throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
+  const std::string extension = lower_case(file.extension().string());
+  for (const std::string_view shown : {".png", ".jpg", ".jpeg", ".lts"})
+    if (extension == shown)
+      throw Error(ErrorKind::Input, file.string() + ": a picture or a film, not a model",
+                  "show it with lenticule play");
   std::array<char, 64> head{};
   if (std::ifstream(file, std::ios::binary).read(head.data(), head.size()).gcount() == 0)
     throw Error(ErrorKind::Input, file.string() + ": empty, or cannot be read", "copy it anew");
-  if (const auto is =
-          recognise_misnamed({head.data(), head.size()}, lower_case(file.extension().string())))
+  if (const auto is = recognise_misnamed({head.data(), head.size()}, extension))
     throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), is->what),
                 std::string(is->remedy));
 }

@@ -356,7 +356,7 @@ TEST_F(BadInput, NamesTheRemedyOfLikelyMistakes) {
             "a film, not a picture",
             "lenticule convert FILM --frames"},
            {{"scene", "show", path("photo.glb")}, 4, "photo.glb: a picture", "rename it"},
-           {{"scene", "show", path("photo.png")}, 4, "unknown scene format '.png'", "use .glb"},
+           {{"scene", "show", path("photo.png")}, 4, "not a model", "lenticule play"},
            {{"scene", "show", path("empty.glb")}, 4, "empty.glb: empty", "copy it anew"},
            {play("https://example.org/a.png"), 4, "cannot read", "download it first"},
            {play("no.lts"), 4, "cannot read", "the current folder is "},

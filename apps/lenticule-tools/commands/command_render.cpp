@@ -257,7 +257,11 @@ class RenderRun {
 
   void report_reuse() const {
     const render::RenderStatistics& s = totals_.rays;
-    if (s.projected_subpixels + s.interpolated_subpixels == 0) return;
+    if (s.projected_subpixels + s.interpolated_subpixels == 0) {
+      if (flags_.render.method == "adaptive" && s.traced_subpixels > 0)
+        say("subpixels: all from method full, since interpolation would save no time here\n");
+      return;
+    }
     const auto percent = [&s](uint64_t count) {
       return 100.0 * static_cast<double>(count) / static_cast<double>(s.subpixels);
     };
