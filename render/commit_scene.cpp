@@ -521,9 +521,9 @@ class Committer {
 
   /// Prototype is a shape in Embree, with sizes of 1 around the origin.
   struct Prototype {
-    Vec3 centre;                     ///< of the shape
+    Vec3 centre;                     ///< middle of the shape's bounds
     double size = 0.0;               ///< half of its longest side
-    bool is_shown = false;           ///< by a mesh that can be an instance
+    bool is_shown = false;           ///< a mesh that can be an instance shows it
     EmbreeHandle<RTCScene> scene{};  ///< made on first use
   };
 
@@ -783,8 +783,8 @@ class Committer {
   Scene& scene_;
   /// Per mesh of the scene: its mesh in the description if that can be an instance, or null.
   std::vector<const TriangleMesh*> instances_;
-  std::map<int, Prototype> prototypes_;  ///< by number of the shape
-  size_t repeated_triangles_ = 0;        ///< of instances, apart from the first of each shape
+  std::map<int, Prototype> prototypes_;  ///< keys are numbers of shapes
+  size_t repeated_triangles_ = 0;  ///< sum over possible instances, but the first of each shape
   bool is_pbr_ = false;
   bool has_ground_shadow_ = false;
 };

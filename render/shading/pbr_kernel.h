@@ -111,7 +111,7 @@ struct alignas(64) Points {
   float alpha[kLanes];     ///< share of the light that does not pass; 0 on invisible sides
   // Changes of the barycentric coordinates across the sides of the footprint. Meshes only.
   float across[2][kLanes], along[2][kLanes];
-  float edge1[3][kLanes], edge2[3][kLanes];  ///< of the triangle, over its extent
+  float edge1[3][kLanes], edge2[3][kLanes];  ///< triangle edges divided by its extent
   float bend[kLanes];       ///< square of the angle by which the normal changes across it
   float normal[3][kLanes];  ///< unit, from the normal map, on the viewer's side
   float spread[kLanes];     ///< square of alpha by which the normal map varies

@@ -654,7 +654,6 @@ const pbr_kernel::Textures& LaneTextures::all(const PbrMaterial& m, const Materi
   t.base_colour = value(inputs.base_colour);
   t.vertex_colour = of_vertices(mesh_->colours, vertex_colours_);
   t.metallic_roughness = value(inputs.metallic_roughness);
-  // Next to the roughness, since both are often channels of one texture.
   t.occlusion = value(inputs.occlusion);
   t.normal = value(inputs.normal);
   if (t.normal != nullptr) set_axes(inputs.normal, t.normal_axes);

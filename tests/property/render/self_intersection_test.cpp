@@ -160,7 +160,7 @@ TEST_P(SelfIntersection, NeverOnATiltedGridOfTriangles) {
   expect_no_self_shadows(scene, size);
 }
 
-/// As many coincident copies as it takes for Embree to get the grid once.
+/// The scene has so many coincident copies of the grid that Embree gets it once.
 TEST_P(SelfIntersection, NeverOnInstancesOfATiltedGrid) {
   const double size = GetParam();
   SceneDescription scene;

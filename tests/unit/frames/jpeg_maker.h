@@ -14,7 +14,7 @@
 namespace lenticule::test {
 
 struct JpegKind {
-  J_COLOR_SPACE pixels = JCS_RGB;  ///< of the samples, which are in the file as they are unless RGB
+  J_COLOR_SPACE pixels = JCS_RGB;  ///< colours of the samples; all but RGB are stored unchanged
   J_COLOR_SPACE stored = JCS_YCbCr;
   int across = 1, down = 1;  ///< subsampling of the colours
   bool progressive = false;

@@ -48,7 +48,7 @@ double place_of(double c, bool repeat, bool mirror) {
 /// The axes of the ellipse around a parallelogram, in texels.
 struct Ellipse {
   double minor, major;
-  double direction[2];  ///< of the longer axis; unit
+  double direction[2];  ///< unit vector along the longer axis
 };
 Ellipse ellipse_around(double ax, double ay, double bx, double by) {
   const double xx = ax * ax + bx * bx, yy = ay * ay + by * by, xy = ax * ay + bx * by;
