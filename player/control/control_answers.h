@@ -98,13 +98,22 @@ inline std::string clock_text(int minute) {
   return fmt::format("{:02}:{:02}", minute / 60, minute % 60);
 }
 
+inline nlohmann::ordered_json dates_json(const std::vector<DateSpan>& dates) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const DateSpan& span : dates) json.push_back(to_string(span));
+  return json;
+}
+
 inline nlohmann::ordered_json schedule_json(const Schedule& schedule) {
   nlohmann::ordered_json days = nlohmann::ordered_json::array();
   for (size_t day = 0; day < kDays.size(); ++day)
     if ((schedule.days >> day & 1u) != 0) days.push_back(kDays.at(day));
-  return {{"days", days},
-          {"from", clock_text(schedule.from_minute)},
-          {"to", clock_text(schedule.to_minute)}};
+  nlohmann::ordered_json json = {{"days", days},
+                                 {"from", clock_text(schedule.from_minute)},
+                                 {"to", clock_text(schedule.to_minute)}};
+  if (!schedule.dates.empty()) json["dates"] = dates_json(schedule.dates);
+  if (!schedule.except.empty()) json["except"] = dates_json(schedule.except);
+  return json;
 }
 
 /// Returns the name of the source for a reader with another working folder.
@@ -124,6 +133,16 @@ inline nlohmann::ordered_json item_json(const PlaylistItem& item) {
   if (item.frames) json["frames"] = fmt::format("{}:{}", item.frames->begin, item.frames->end);
   if (item.waits_until_primed) json["cut"] = "primed";
   if (item.wait_s != PlaylistItem{}.wait_s) json["wait_s"] = item.wait_s;
+  if (item.weight != 1) json["weight"] = item.weight;
+  if (!item.fit.empty()) json["fit"] = item.fit;
+  const ContentFlags& content = item.source.content;
+  for (const auto& [key, member] : kLayoutTexts)
+    if (!(content.*member).empty()) json[std::string(key)] = content.*member;
+  for (const auto& [key, member] : kLayoutSwitches)
+    if (content.*member) json[std::string(key)] = true;
+  if (content.views != 0) json["views"] = content.views;
+  if (content.aspect) json["aspect"] = *content.aspect;
+  if (content.depth_budget) json["depth_budget"] = *content.depth_budget;
   if (item.schedule) json["schedule"] = schedule_json(*item.schedule);
   return json;
 }
@@ -137,6 +156,7 @@ inline nlohmann::ordered_json item_json(const PlaylistItem& item) {
   json["file"] = nullptr;
   if (list.file) json["file"] = std::filesystem::absolute(list.name).lexically_normal().string();
   json["loop"] = loops_json(list.rounds);
+  if (list.shuffle) json["shuffle"] = *list.shuffle;
   json["default"] = list.standby ? item_json(*list.standby) : nlohmann::ordered_json(nullptr);
   json["count"] = list.items.size();
   json["first"] = first;

@@ -446,9 +446,8 @@ class ItemLoader {
 
     /// Passes over an item that cannot be played. Returns false if no other is left.
     bool passes_on() {
-      const auto items = static_cast<int64_t>(place.list->items.size());
       if (step == 0 || ++passed + 1 >= place.list->items.size()) return false;
-      place.index = static_cast<size_t>((static_cast<int64_t>(place.index) + step + items) % items);
+      place.index = place.list->beside(place.index, step, place.rounds_done);
       opened = false;
       since = SteadyClock::now();
       return true;

@@ -5,16 +5,22 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <ctime>
+#include <iterator>
+#include <numeric>
 
 #include "base/error.h"
 #include "base/file.h"
 #include "base/numbers.h"
 #include "base/text.h"
+#include "frames/quilt.h"
 #include "frames/views_input/content_name.h"
+#include "frames/weave.h"
 #include "optics/json_fields.h"
 #include "optics/toml.h"
 #include "player/playlist/folder_lists.h"
+#include "player/sources/content.h"
 
 namespace lenticule::player {
 namespace {
@@ -25,6 +31,9 @@ constexpr size_t kMaxSourceBytes = 4096;
 constexpr std::array<std::string_view, 7> kDays = {"mon", "tue", "wed", "thu", "fri", "sat", "sun"};
 constexpr int kMinutesPerDay = 24 * 60;
 constexpr int kMinutesPerWeek = 7 * kMinutesPerDay;
+constexpr int kLongestSearchDays = 3653;
+constexpr std::chrono::sys_days kFirstMonday = std::chrono::year(1969) / 12 / 29;
+constexpr std::chrono::year kEveryYear(0);
 
 }  // namespace
 
@@ -34,27 +43,91 @@ LocalTime local_time_now() {
   const std::time_t now = std::time(nullptr);
   std::tm local{};
   localtime_r(&now, &local);
-  return {.weekday = (local.tm_wday + 6) % 7, .minute = local.tm_hour * 60 + local.tm_min};
+  using namespace std::chrono;
+  return {.day = day_of(year(local.tm_year + 1900) / (local.tm_mon + 1) / local.tm_mday),
+          .minute = local.tm_hour * 60 + local.tm_min};
 }
 
+int day_of(std::chrono::year_month_day date) {
+  return static_cast<int>((std::chrono::sys_days(date) - kFirstMonday).count());
+}
+
+std::chrono::year_month_day date_of(int day) {
+  return kFirstMonday + std::chrono::days(day);
+}
+
+bool DateSpan::contains(int day) const {
+  const std::chrono::year_month_day date = date_of(day);
+  if (first.year() != kEveryYear) return first <= date && date <= last;
+  const std::chrono::year_month_day here = kEveryYear / date.month() / date.day();
+  return first <= last ? first <= here && here <= last : first <= here || here <= last;
+}
+
+std::optional<DateSpan> parse_dates(std::string_view text) {
+  const auto date_from = [](std::string_view part) -> std::optional<std::chrono::year_month_day> {
+    using namespace std::chrono;
+    const size_t parts = static_cast<size_t>(std::ranges::count(part, '-')) + 1;
+    if (part.size() != (parts == 2 ? 5 : 10)) return std::nullopt;
+    const std::string whole = (parts == 2 ? "0000-" : "") + std::string(part);
+    const auto numbers = numbers_from<unsigned, 3>(whole, '-');
+    if (!numbers) return std::nullopt;
+    const auto& [y, m, d] = *numbers;
+    const year_month_day date = year(static_cast<int>(y)) / static_cast<int>(m) / d;
+    // Year 0, which stands for every year, has a 29 February.
+    return date.ok() && (parts == 2 || y != 0) ? std::optional(date) : std::nullopt;
+  };
+  const size_t dots = text.find("..");
+  const auto first = date_from(text.substr(0, dots));
+  const auto last = dots == std::string_view::npos ? first : date_from(text.substr(dots + 2));
+  if (!first || !last || (first->year() == kEveryYear) != (last->year() == kEveryYear) ||
+      (first->year() != kEveryYear && *last < *first))
+    return std::nullopt;
+  return DateSpan{*first, *last};
+}
+
+std::string to_string(const DateSpan& dates) {
+  const auto text = [](std::chrono::year_month_day date) {
+    const std::string year =
+        date.year() == kEveryYear ? "" : fmt::format("{:04}-", int{date.year()});
+    return fmt::format("{}{:02}-{:02}", year, unsigned{date.month()}, unsigned{date.day()});
+  };
+  return text(dates.first) + (dates.first == dates.last ? "" : ".." + text(dates.last));
+}
+
+namespace {
+
+/// Returns true if spans of the schedule may begin on this day.
+bool begins_on(const Schedule& schedule, int day) {
+  const auto contains = [day](const DateSpan& span) { return span.contains(day); };
+  return ((schedule.days >> LocalTime{.day = day}.weekday()) & 1) != 0 &&
+         (schedule.dates.empty() || std::ranges::any_of(schedule.dates, contains)) &&
+         std::ranges::none_of(schedule.except, contains);
+}
+
+/// Mixes a number well enough that neighbours look independent (the finalizer of SplitMix64).
+uint64_t mixed(uint64_t number) {
+  number += 0x9e3779b97f4a7c15U;
+  number = (number ^ (number >> 30)) * 0xbf58476d1ce4e5b9U;
+  number = (number ^ (number >> 27)) * 0x94d049bb133111ebU;
+  return number ^ (number >> 31);
+}
+
+}  // namespace
+
 bool Schedule::permits(LocalTime time) const {
-  const auto on = [&](int weekday) { return ((days >> ((weekday + 7) % 7)) & 1) != 0; };
   if (from_minute < to_minute)
-    return on(time.weekday) && time.minute >= from_minute && time.minute < to_minute;
-  const bool evening = on(time.weekday) && time.minute >= from_minute;
-  const bool night = on(time.weekday - 1) && time.minute < to_minute;
+    return begins_on(*this, time.day) && time.minute >= from_minute && time.minute < to_minute;
+  const bool evening = begins_on(*this, time.day) && time.minute >= from_minute;
+  const bool night = begins_on(*this, time.day - 1) && time.minute < to_minute;
   return evening || night;
 }
 
-int Schedule::minutes_until_begin(LocalTime now) const {
-  int least = kMinutesPerWeek;
-  for (int day = 0; day < 7; ++day) {
-    if (((days >> day) & 1) == 0) continue;
-    const int begin = day * kMinutesPerDay + from_minute;
-    const int minutes = begin - now.weekday * kMinutesPerDay - now.minute;
-    least = std::min(least, (minutes + kMinutesPerWeek) % kMinutesPerWeek);
+std::optional<int> Schedule::minutes_until_begin(LocalTime now) const {
+  for (int days = 0; days < kLongestSearchDays; ++days) {
+    const int minutes = days * kMinutesPerDay + from_minute - now.minute;
+    if (minutes >= 0 && begins_on(*this, now.day + days)) return minutes;
   }
-  return least;
+  return std::nullopt;
 }
 
 size_t Playlist::items_scheduled(LocalTime now) const {
@@ -80,35 +153,70 @@ Playlist playlist_of(const SourceSpec& source, uint64_t rounds) {
   return list;
 }
 
+bool Playlist::in_round(size_t index, uint64_t round) const {
+  const uint64_t most = std::ranges::max(items, {}, &PlaylistItem::weight).weight;
+  const uint64_t weight = items[index].weight, place = round + index;
+  return place * weight / most != (place + 1) * weight / most;
+}
+
+std::vector<size_t> Playlist::order(uint64_t round) const {
+  std::vector<size_t> order(items.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  if (!shuffle || items.size() < 3) return order;
+  const auto shuffled = [&](uint64_t of_round) {
+    std::vector<size_t> all = order;
+    for (size_t left = all.size(); left > 1; --left)
+      std::swap(all[left - 1], all[mixed(mixed(*shuffle ^ mixed(of_round)) + left) % left]);
+    return all;
+  };
+  // Exchanging the first two items leaves the last one in its place, so that the round after this
+  // one need not know of it.
+  const size_t before = round > 0 ? shuffled(round - 1).back() : items.size();
+  order = shuffled(round);
+  if (order.front() == before) std::swap(order[0], order[1]);
+  return order;
+}
+
+size_t Playlist::beside(size_t index, int64_t step, uint64_t round) const {
+  const std::vector<size_t> played = order(round);
+  const auto count = static_cast<int64_t>(played.size());
+  const auto place = std::ranges::find(played, index) - played.begin();
+  return played[static_cast<size_t>(((place + step) % count + count) % count)];
+}
+
 NextItem next_item(const Playlist& list, std::optional<size_t> after, uint64_t rounds_done,
                    LocalTime now) {
-  if (list.items.empty()) return {.kind = NextItem::Kind::None, .rounds_done = rounds_done};
-  const uint64_t rounds_before = rounds_done;
-  size_t index = after ? *after + 1 : 0;
-  for (size_t passed = 0; passed <= list.items.size(); ++passed, ++index) {
-    if (index >= list.items.size()) {
-      ++rounds_done;
-      index = 0;
-      if (list.rounds != kForever && rounds_done >= list.rounds)
-        return {.kind = NextItem::Kind::End, .index = 0, .rounds_done = rounds_done};
-    }
-    if (list.items[index].permitted(now))
-      return {.kind = NextItem::Kind::Item, .index = index, .rounds_done = rounds_done};
+  const bool any = list.items_scheduled(now) > 0;
+  // Each item is in at least one of kMaxWeight rounds.
+  for (uint64_t round = rounds_done; round <= rounds_done + kMaxWeight && !list.items.empty();
+       ++round, after.reset()) {
+    const std::vector<size_t> order = list.order(round);
+    auto item = after ? std::ranges::find(order, *after) + 1 : order.begin();
+    for (; item != order.end(); ++item)
+      if (list.items[*item].permitted(now) && list.in_round(*item, round))
+        return {.kind = NextItem::Kind::Item, .index = *item, .rounds_done = round};
+    if (list.rounds != kForever && round + 1 >= list.rounds)
+      return {.kind = NextItem::Kind::End, .index = 0, .rounds_done = round + 1};
+    if (!any) break;
   }
-  return {.kind = NextItem::Kind::None, .index = index, .rounds_done = rounds_before};
+  return {.kind = NextItem::Kind::None, .rounds_done = rounds_done};
 }
 
 std::string reason_to_wait(const Playlist& list, LocalTime now) {
   if (list.items.empty()) return "no file to play yet";
-  int wait = kMinutesPerWeek;
+  std::optional<int> wait;
   for (const PlaylistItem& item : list.items) {
     if (item.permitted(now)) return {};
-    wait = std::min(wait, item.schedule->minutes_until_begin(now));
+    const auto own = item.schedule->minutes_until_begin(now);
+    if (own) wait = std::min(wait.value_or(*own), *own);
   }
-  const int begin = now.weekday * kMinutesPerDay + now.minute + wait;
+  if (!wait) return "no item is scheduled any more";
+  const int begin = now.minute + *wait, day = now.day + begin / kMinutesPerDay;
   constexpr std::array<const char*, 7> kNames = {"Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"};
-  return fmt::format("no item is scheduled before {} {:02}:{:02}",
-                     kNames.at(static_cast<size_t>(begin / kMinutesPerDay % 7)),
+  const std::string date =
+      *wait < kMinutesPerWeek ? "" : to_string(DateSpan{date_of(day), date_of(day)}) + " ";
+  return fmt::format("no item is scheduled before {} {}{:02}:{:02}",
+                     kNames.at(static_cast<size_t>(LocalTime{.day = day}.weekday())), date,
                      begin % kMinutesPerDay / 60, begin % 60);
 }
 
@@ -133,6 +241,8 @@ class Reader {
         if (format == nullptr || format->get() != 1) fail(node, "format: unknown; expected 1");
       } else if (key.str() == "loop") {
         list.rounds = loops(node);
+      } else if (key.str() == "shuffle") {
+        list.shuffle = seed(node);
       } else if (key.str() == "default") {
         list.standby = item(node);
         if (names_folder(list.standby->source.text))
@@ -143,7 +253,7 @@ class Reader {
         items(node, list);
       } else {
         fail_at(key.source().begin.line, fmt::format("unknown key '{}'", key.str().substr(0, 64)),
-                "a list has format, loop, [default] and [[item]]");
+                "a list has format, loop, shuffle, [default] and [[item]]");
       }
     }
     if (list.items.empty()) fail_at(1, "no [[item]]", "an item needs at least source = \"...\"");
@@ -220,19 +330,22 @@ class Reader {
     const toml::table* const table = node.as_table();
     if (table == nullptr) fail(node, "not a table with a source");
     PlaylistItem item;
+    ContentFlags content;
     for (const auto& [key, value] : *table) {
       if (key.str() == "rig")
         fail_at(key.source().begin.line, "rig: not allowed in a list, which is played on one panel",
                 "use --rig instead");
-      item_key(key.str(), value, item);
+      item_key(key.str(), value, item, content);
     }
     if (item.source.text.empty()) fail(node, "no source");
+    item.source.content = std::move(content);
     if (item.duration_s && table->contains("loops"))
       fail(node, "loops and duration_s exclude each other");
     if (!table->contains("loops") && !item.duration_s) item.still_s = still_seconds(item.source);
     return item;
   }
-  void item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const {
+  void item_key(std::string_view key, const toml::node& node, PlaylistItem& item,
+                ContentFlags& content) const {
     try {
       if (key == "source") {
         item.source = source(text(node), node.source().begin.line);
@@ -248,16 +361,45 @@ class Reader {
         item.frames = parse_frame_range(text(node));
       } else if (key == "cut") {
         item.waits_until_primed = waits_until_primed(node);
+      } else if (key == "weight") {
+        item.weight = static_cast<uint64_t>(number(node, 1, int64_t{kMaxWeight}));
+      } else if (key == "fit") {
+        (void)frames::parse_picture_fit(item.fit = text(node));
       } else if (key == "schedule") {
         item.schedule = schedule(node);
-      } else {
+      } else if (!layout_key(key, node, content)) {
         fail(node, fmt::format("unknown key '{}'", key.substr(0, 64)),
-             "an item has source, loops, duration_s, fps, frames, cut, wait_s and schedule");
+             "an item has source, loops, duration_s, fps, frames, cut, wait_s, weight, fit, "
+             "schedule, and the layout of its views: grid, stereo, depth...");
       }
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::Input) throw;
       fail(node, fmt::format("{}: {}", key, error.what()), error.hint());
     }
+  }
+  /// Reads a key that states how the views lie, as the flag of the same name does. Returns false
+  /// for other keys.
+  bool layout_key(std::string_view key, const toml::node& node, ContentFlags& content) const {
+    const auto file = [&](const std::string& name) {
+      return name.empty() || frames::parse_depth_layout(name) ? name : (folder_ / name).string();
+    };
+    const auto is_key = [key](const auto& named) { return named.first == key; };
+    const auto* const words = std::ranges::find_if(kLayoutTexts, is_key);
+    const auto* const flag = std::ranges::find_if(kLayoutSwitches, is_key);
+    if (words != std::end(kLayoutTexts))
+      content.*words->second = key == "depth" || key == "from_rig" ? file(text(node)) : text(node);
+    else if (flag != std::end(kLayoutSwitches))
+      content.*flag->second = truth(node);
+    else if (key == "views")
+      content.views = static_cast<int>(number(node, 1, frames::kMaxViews));
+    else if (key == "aspect")
+      content.aspect = positive(node);
+    else if (key == "depth_budget")
+      content.depth_budget = positive(node);
+    else
+      return false;
+    check_layout(content);
+    return true;
   }
   [[nodiscard]] static PlaylistItem still_or_film(SourceSpec source) {
     PlaylistItem item{.source = std::move(source)};
@@ -313,6 +455,25 @@ class Reader {
       return static_cast<uint64_t>(number->get());
     fail(node, "not a number of loops", "write a number of 1 or more, or \"forever\"");
   }
+  [[nodiscard]] int64_t number(const toml::node& node, int64_t least, int64_t most) const {
+    const auto* const number = node.as_integer();
+    if (number != nullptr && number->get() >= least && number->get() <= most) return number->get();
+    fail(node, fmt::format("not a whole number from {} to {}", least, most));
+  }
+  [[nodiscard]] double positive(const toml::node& node) const {
+    const auto value = node.is_number() ? node.value<double>() : std::nullopt;
+    if (value && *value > 0.0 && std::isfinite(*value)) return *value;
+    fail(node, "not a number above 0");
+  }
+  [[nodiscard]] bool truth(const toml::node& node) const {
+    if (const auto* const value = node.as_boolean()) return value->get();
+    fail(node, "neither true nor false");
+  }
+  /// Returns the seed of a shuffle: true stands for 1. None for false.
+  [[nodiscard]] std::optional<uint64_t> seed(const toml::node& node) const {
+    if (node.is_boolean()) return truth(node) ? std::optional<uint64_t>(1) : std::nullopt;
+    return static_cast<uint64_t>(number(node, 0, kMaxLoops));
+  }
   [[nodiscard]] bool waits_until_primed(const toml::node& node) const {
     const std::string cut = text(node);
     if (cut != "gapless" && cut != "primed")
@@ -332,9 +493,13 @@ class Reader {
         schedule.from_minute = minute(value);
       else if (key.str() == "to")
         schedule.to_minute = minute(value);
+      else if (key.str() == "dates")
+        schedule.dates = dates(value);
+      else if (key.str() == "except")
+        schedule.except = dates(value);
       else
         fail_at(key.source().begin.line, fmt::format("unknown key '{}'", key.str().substr(0, 64)),
-                "a schedule has days, from and to");
+                "a schedule has days, from, to, dates and except");
     }
     if (schedule.from_minute == schedule.to_minute || schedule.from_minute == 24 * 60)
       fail(node, "schedule: from and to leave no time in between");
@@ -351,6 +516,33 @@ class Reader {
       bits = static_cast<uint8_t>(bits | (1u << (day - kDays.begin())));
     }
     return bits;
+  }
+  /// Reads a list of dates, or the name of a file with one in each line, before blanks and a "#".
+  [[nodiscard]] std::vector<DateSpan> dates(const toml::node& node) const {
+    std::vector<DateSpan> spans;
+    const auto add = [&](std::string_view text, const std::string& place) {
+      const auto span = parse_dates(text);
+      if (!span)
+        fail(node, fmt::format("{}'{}' is no date", place, text.substr(0, 64)),
+             "for example \"2026-12-24\", \"2026-12-24..2027-01-06\", or \"12-24\" for every year");
+      if (spans.size() == kMaxPlaylistItems)
+        fail(node, fmt::format("more than {} dates", kMaxPlaylistItems));
+      spans.push_back(*span);
+    };
+    if (const toml::array* const array = node.as_array()) {
+      for (const toml::node& one : *array) add(text(one), "");
+      return spans;
+    }
+    const std::filesystem::path file = folder_ / text(node);
+    const std::string lines = read_text_file(file, kMaxPlaylistBytes);
+    std::string_view rest = lines;
+    for (int line = 1; !rest.empty(); ++line) {
+      std::string_view text = take_until(rest, '\n');
+      text = text.substr(0, text.find('#'));
+      text = text.substr(0, text.find_last_not_of(" \t\r") + 1);
+      if (!text.empty()) add(text, fmt::format("{}:{}: ", file.string(), line));
+    }
+    return spans;
   }
   /// Parses "08:30" to minutes since midnight; "24:00" is the end of the day.
   [[nodiscard]] int minute(const toml::node& node) const {

@@ -2,6 +2,7 @@
 // Playlist holds the items to play one after the other, how often, and at which times of the week.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -16,23 +17,43 @@
 
 namespace lenticule::player {
 
-/// A moment of the week in local time.
+/// A moment in local time.
 struct LocalTime {
-  int weekday = 0;  ///< 0 = Monday
-  int minute = 0;   ///< minutes since midnight, 0 ... 1439
+  int day = 0;     ///< days since 29 December 1969, a Monday
+  int minute = 0;  ///< minutes since midnight, 0 ... 1439
+
+  [[nodiscard]] int weekday() const { return (day % 7 + 7) % 7; }  ///< 0 = Monday
 };
 [[nodiscard]] LocalTime local_time_now();
+/// Returns the day as LocalTime counts it.
+[[nodiscard]] int day_of(std::chrono::year_month_day date);
+[[nodiscard]] std::chrono::year_month_day date_of(int day);
+
+/// Days from `first` to `last`, both included: of one year, or of every year if both have year 0.
+struct DateSpan {
+  std::chrono::year_month_day first;
+  std::chrono::year_month_day last;
+
+  [[nodiscard]] bool contains(int day) const;
+  friend bool operator==(const DateSpan&, const DateSpan&) = default;
+};
+/// Parses "2026-12-24", "2026-12-24..2027-01-06", "12-24" or "12-24..01-06".
+[[nodiscard]] std::optional<DateSpan> parse_dates(std::string_view text);
+[[nodiscard]] std::string to_string(const DateSpan& dates);
 
 /// The times at which an item may begin. A span whose end is before its start passes midnight and
 /// belongs to the day on which it began.
 struct Schedule {
   uint8_t days = 0x7f;  ///< bit 0 = Monday
   int from_minute = 0;
-  int to_minute = 24 * 60;  ///< exclusive
+  int to_minute = 24 * 60;         ///< exclusive
+  std::vector<DateSpan> dates{};   ///< empty: every date
+  std::vector<DateSpan> except{};  ///< dates on which nothing begins
 
   [[nodiscard]] bool permits(LocalTime time) const;
-  /// Returns the number of minutes from `now` until the next begin of a span.
-  [[nodiscard]] int minutes_until_begin(LocalTime now) const;
+  /// Returns the number of minutes from `now` until the next begin of a span; none if there is none
+  /// within ten years.
+  [[nodiscard]] std::optional<int> minutes_until_begin(LocalTime now) const;
   friend bool operator==(const Schedule&, const Schedule&) = default;
 };
 
@@ -49,6 +70,8 @@ struct PlaylistItem {
   /// Starts the item only when its pool is full, instead of with the first due frame.
   bool waits_until_primed = false;
   double wait_s = 10.0;  ///< seconds without a frame after which the item is skipped
+  uint64_t weight = 1;   ///< how often the item is played, relative to others of its list
+  std::string fit{};     ///< as --fit; empty: that of the command
   std::string reason{};  ///< text of a test card: why the items cannot be played
 
   friend bool operator==(const PlaylistItem&, const PlaylistItem&) = default;
@@ -62,6 +85,7 @@ struct Playlist {
   std::vector<PlaylistItem> items;
   std::optional<PlaylistItem> standby;  ///< played when no item is scheduled or can be played
   uint64_t rounds = 1;                  ///< or kForever
+  std::optional<uint64_t> shuffle{};  ///< plays each round in another order, which this seed gives
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};
   /// Shows black while no item can be played, because its files may come later.
@@ -70,10 +94,20 @@ struct Playlist {
   /// Returns true for a list of one item that ends with it.
   [[nodiscard]] bool is_single() const { return items.size() == 1 && !standby && !awaits_files; }
   [[nodiscard]] size_t items_scheduled(LocalTime now) const;
+  /// Returns true if the item's weight gives it a place in the round. The heaviest items are in
+  /// each round; the places of the others are spread evenly over the rounds.
+  [[nodiscard]] bool in_round(size_t index, uint64_t round) const;
+  /// Returns the indices of all items as they are played in the round. With a shuffle, no item is
+  /// last in one round and first in the next, if there are more than two.
+  [[nodiscard]] std::vector<size_t> order(uint64_t round) const;
+  /// Returns the item that is played `step` places after another one of the round, or in a round
+  /// that never ends.
+  [[nodiscard]] size_t beside(size_t index, int64_t step, uint64_t round) const;
 };
 
 inline constexpr size_t kMaxPlaylistBytes = size_t{1} << 20;
 inline constexpr size_t kMaxPlaylistItems = 1000;
+inline constexpr uint64_t kMaxWeight = 100;
 inline constexpr double kStillSeconds = 10.0;
 inline constexpr double kUntilEnded = 1e9;  ///< seconds, longer than any panel lasts
 
@@ -102,7 +136,7 @@ struct NextItem {
   uint64_t rounds_done = 0;
 };
 /// Returns the item after `after` (none: the first) in the given round. Items that are not
-/// scheduled now are skipped. Returns None only if no item of a whole round is scheduled.
+/// scheduled now are skipped. Returns None only if no item of the list is scheduled.
 [[nodiscard]] NextItem next_item(const Playlist& list, std::optional<size_t> after,
                                  uint64_t rounds_done, LocalTime now);
 /// Returns why no item of the list can begin now: "no item is scheduled before Mon 09:00". Empty if

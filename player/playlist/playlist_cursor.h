@@ -84,16 +84,16 @@ class PlaylistCursor {
       throw Error(ErrorKind::Failed, list->name + ": has no item at the moment",
                   "wait for a file, or load another source");
     int64_t index = jump.item.value_or(0);
-    if (jump.relative) index = ((index + here) % items + items) % items;
+    const uint64_t rounds_done = jump.list ? 0 : leaves ? interrupted_->rounds_done : rounds_done_;
+    if (jump.relative)
+      index = static_cast<int64_t>(list->beside(static_cast<size_t>(here), index, rounds_done));
     if (!jump.item && !jump.list) index = here;
     if (index < 0 || index >= items)
       throw Error(ErrorKind::Usage, fmt::format("item {}: the list has {} items", index, items),
                   "items are counted from 0");
     return {.list = list,
             .index = static_cast<size_t>(index),
-            .rounds_done = jump.list ? 0
-                           : leaves  ? interrupted_->rounds_done
-                                     : rounds_done_,
+            .rounds_done = rounds_done,
             .interrupts = jump.interrupts};
   }
   /// Moves to the place. An interruption keeps the place that it interrupts; a second one keeps the

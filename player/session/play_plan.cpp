@@ -418,6 +418,7 @@ ItemOpener item_opener(const PlayPlan& plan) {
                                                         uint64_t first_frame) {
     OpenContext context = like;
     context.frames = item.frames;
+    if (!item.fit.empty()) context.weaving.fit = item.fit;
     if (!item.reason.empty()) {
       context.card = error_card(name, Error(ErrorKind::Input, item.reason));
       for (WallPart& part : context.wall) part.card = context.card;

@@ -326,10 +326,21 @@ const char* remedy_of_unwoven(const frames::FrameGeometry& size) {
          "side: --stereo sbs; woven frames: make them for this panel, as RGB or 4:4:4";
 }
 
+void check_layout(const ContentFlags& flags) {
+  refuse_other_flags(flags);
+  frames::QuiltLayout layout;
+  frames::DepthOptions depth;
+  if (!flags.grid.empty()) read_grid(flags.grid, layout);
+  if (!flags.stereo.empty() && flags.stereo != "none") (void)frames::parse_stereo(flags.stereo);
+  if (!flags.depth_range.empty()) read_depth_range(flags.depth_range, depth);
+  if (!flags.depth_distance.empty()) (void)parse_distances(flags.depth_distance);
+  if (!flags.zero_plane.empty()) (void)parse_zero_plane(flags.zero_plane);
+}
+
 Content identify(const SourceSpec& source, const std::string& rig_fingerprint,
                  bool patterns_are_views) {
   const ContentFlags& flags = source.content;
-  refuse_other_flags(flags);
+  check_layout(flags);
   Content content = content_of(source, rig_fingerprint, patterns_are_views);
   if (content.kind == Kind::ViewFiles && !flags.grid.empty())
     throw Error(ErrorKind::Usage, "--grid: the input is a pattern of views, not a quilt");

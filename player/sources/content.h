@@ -37,6 +37,9 @@ struct Content {
   SourceSpec source = {};
 };
 
+/// Checks what flags say by themselves. Throws Error(Usage).
+void check_layout(const ContentFlags& flags);
+
 /// Returns what the source means. Woven frames in a container match the rig with this fingerprint
 /// (empty: any) or are, with --reweave, those of another rig. `patterns_are_views` is true for
 /// `weave`, where 'view%02d.png' means views; all other commands take it for woven frames. Throws

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "base/file.h"
@@ -47,6 +48,21 @@ struct ContentFlags {
   friend bool operator==(const ContentFlags&, const ContentFlags&) = default;
 };
 
+/// Keys of lists that state the layout of an item, as the flag of the same name does. `views`,
+/// `aspect` and `depth_budget` are numbers.
+inline constexpr std::pair<std::string_view, std::string ContentFlags::*> kLayoutTexts[] = {
+    {"grid", &ContentFlags::grid},
+    {"stereo", &ContentFlags::stereo},
+    {"depth", &ContentFlags::depth},
+    {"depth_range", &ContentFlags::depth_range},
+    {"depth_distance", &ContentFlags::depth_distance},
+    {"zero_plane", &ContentFlags::zero_plane},
+    {"from_rig", &ContentFlags::from_rig}};
+inline constexpr std::pair<std::string_view, bool ContentFlags::*> kLayoutSwitches[] = {
+    {"invert", &ContentFlags::invert},
+    {"invert_depth", &ContentFlags::invert_depth},
+    {"reweave", &ContentFlags::reweave}};
+
 /// The name decides the kind, unless it is that of a folder. identify() decides whether the
 /// pictures of a file are woven frames or views.
 struct SourceSpec {
@@ -54,7 +70,7 @@ struct SourceSpec {
   /// The name as it was given; "code" for a code, whose text may be secret.
   std::string text = {};
   std::string coded = {};     ///< text of a code
-  ContentFlags content = {};  ///< flags that were given with the source; none for items of lists
+  ContentFlags content = {};  ///< flags or keys that were given with the source
 
   /// Returns true for a source whose pictures are in files.
   [[nodiscard]] bool has_pictures() const;

@@ -46,6 +46,9 @@ class PlayList {
     for (const auto& [key, value] : list.items()) {
       if (key == "loop") {
         toml += "loop = " + loops(key, value) + "\n";
+      } else if (key == "shuffle") {
+        if (value != false)
+          toml += "shuffle = " + (value == true ? truth(key, value) : number(key, value)) + "\n";
       } else if (key == "default") {
         if (!value.is_null()) standby = "\n[default]\n" + item_toml(value);
       } else if (key == "items") {
@@ -195,19 +198,23 @@ class PlayList {
     return value == "forever" ? "\"forever\"" : number(key, value);
   }
 
-  static std::string days(const ordered_json& value) {
-    if (!value.is_array() || value.size() > 7) refuse("days: not a list of days");
+  static std::string truth(const std::string& key, const ordered_json& value) {
+    if (!value.is_boolean()) refuse(key + ": neither true nor false");
+    return value.dump();
+  }
+  static std::string texts(const std::string& key, const ordered_json& value) {
+    if (!value.is_array() || value.size() > kMaxItems) refuse(key + ": not a list of texts");
     std::string toml = "[";
-    for (const ordered_json& day : value)
-      toml += (toml.size() > 1 ? ", " : "") + quoted("days", day);
+    for (const ordered_json& text : value)
+      toml += (toml.size() > 1 ? ", " : "") + quoted(key, text);
     return toml + "]";
   }
   static std::string schedule_toml(const ordered_json& schedule) {
     if (!schedule.is_object()) refuse("schedule: not an object");
     std::string toml = "[item.schedule]\n";
     for (const auto& [key, value] : schedule.items()) {
-      if (key == "days")
-        toml += "days = " + days(value) + "\n";
+      if (key == "days" || key == "dates" || key == "except")
+        toml += key + " = " + texts(key, value) + "\n";
       else if (key == "from" || key == "to")
         toml += key + " = " + quoted(key, value) + "\n";
       else
@@ -219,8 +226,14 @@ class PlayList {
   static std::string item_toml(const ordered_json& item) {
     if (!item.is_object() || !item.contains("source")) refuse("item: no source");
     static const std::map<std::string, std::string (*)(const std::string&, const ordered_json&)>
-        kKeys = {{"source", quoted}, {"loops", loops}, {"duration_s", number}, {"fps", quoted},
-                 {"frames", quoted}, {"cut", quoted},  {"wait_s", number}};
+        kKeys = {{"source", quoted},      {"loops", loops},           {"duration_s", number},
+                 {"fps", quoted},         {"frames", quoted},         {"cut", quoted},
+                 {"wait_s", number},      {"weight", number},         {"fit", quoted},
+                 {"grid", quoted},        {"views", number},          {"aspect", number},
+                 {"invert", truth},       {"stereo", quoted},         {"depth", quoted},
+                 {"depth_range", quoted}, {"depth_distance", quoted}, {"invert_depth", truth},
+                 {"zero_plane", quoted},  {"depth_budget", number},   {"from_rig", quoted},
+                 {"reweave", truth}};
     std::string toml, schedule;
     for (const auto& [key, value] : item.items()) {
       if (const auto found = kKeys.find(key); found != kKeys.end())
@@ -288,9 +301,11 @@ class PlayList {
                            {"editable", false},
                            {"by_hand", false},
                            {"loop", list.value("loop", ordered_json(1))},
+                           {"shuffle", list.value("shuffle", ordered_json(false))},
                            {"default", list.value("default", ordered_json())},
                            {"items", list["items"]}};
-    result["version"] = version_of({result["loop"], result["default"], result["items"]});
+    result["version"] =
+        version_of({result["loop"], result["shuffle"], result["default"], result["items"]});
     // Without a list, the source that plays becomes the first item of own_file_.
     const std::filesystem::path file =
         result["file"].is_string() ? std::filesystem::path(result["file"].get<std::string>())

@@ -156,7 +156,7 @@ $("save").onclick = async () => {
   saving = true;
   tell("Saving; the player checks the list.");
   const done = await attempt(() => api("PUT", "list",
-    { version: saved.version, loop: saved.loop, default: saved.default, items }).catch((error) => {
+    { version: saved.version, loop: saved.loop, shuffle: saved.shuffle, default: saved.default, items }).catch((error) => {
     if (error.status === 409 && saved.editable) changedBy = "Somebody";
     throw error;
   }));

@@ -28,12 +28,16 @@ TEST(WebListToml, WritesTheKeysOfAListAndNothingElse) {
         {{{"source", "/m/a.lts"}, {"loops", 2}, {"fps", "24"}},
          {{"source", "/m/b.png"},
           {"duration_s", 12.5},
+          {"grid", "8x6"},
+          {"invert", true},
           {"schedule", {{"days", {"mon"}}, {"from", "08:30"}, {"to", "18:00"}}}}}}});
-  EXPECT_EQ(toml,
-            "# Written by lenticule-web.\nformat = 1\nloop = \"forever\"\n\n[default]\n"
-            "source = \"card\"\n\n[[item]]\nsource = \"/m/a.lts\"\nloops = 2\nfps = \"24\"\n\n"
-            "[[item]]\nsource = \"/m/b.png\"\nduration_s = 12.500000\n[item.schedule]\n"
-            "days = [\"mon\"]\nfrom = \"08:30\"\nto = \"18:00\"\n");
+  EXPECT_EQ(
+      toml,
+      "# Written by lenticule-web.\nformat = 1\nloop = \"forever\"\n\n[default]\n"
+      "source = \"card\"\n\n[[item]]\nsource = \"/m/a.lts\"\nloops = 2\nfps = \"24\"\n\n"
+      "[[item]]\nsource = \"/m/b.png\"\nduration_s = 12.500000\ngrid = \"8x6\"\ninvert = true\n"
+      "[item.schedule]\n"
+      "days = [\"mon\"]\nfrom = \"08:30\"\nto = \"18:00\"\n");
 }
 
 TEST(WebListToml, ATextCannotAddKeys) {
@@ -53,6 +57,8 @@ TEST(WebListToml, UnknownKeysAndWrongTypesAreRefused) {
         R"({"items": [{"source": "a", "loops": [1]}]})",
         R"({"rig": 1, "items": [{"source": "a"}]})",
         R"({"items": [{"source": "a", "schedule": {"days": "mon"}}]})",
+        R"({"items": [{"source": "a", "invert": "yes"}]})",
+        R"({"shuffle": "yes", "items": [{"source": "a"}]})",
         R"({"items": [{"source": "a", "schedule": {"x": "y"}}]})"})
     EXPECT_THROW((void)PlayList::list_toml(ordered_json::parse(wrong)), HttpError) << wrong;
   ordered_json many = {{"items", ordered_json::array()}};

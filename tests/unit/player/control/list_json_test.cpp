@@ -13,6 +13,7 @@ using nlohmann::ordered_json;
 TEST(ListJson, HasTheKeysOfTheFile) {
   const Playlist list = parse_playlist(R"(
 loop = "forever"
+shuffle = 5
 [default]
 source = "card"
 [[item]]
@@ -26,10 +27,17 @@ source = "clip.mkv"
 duration_s = 12.5
 cut = "primed"
 wait_s = 3.0
+grid = "8x6"
+aspect = 0.75
+invert = true
+fit = "cover"
+weight = 3
 [item.schedule]
 days = ["mon", "sun"]
 from = "08:30"
 to = "24:00"
+dates = ["12-01..02-28"]
+except = ["2026-12-24"]
 )",
                                        "list", "/films");
   const ordered_json json = list_json(list, 0);
@@ -47,6 +55,14 @@ to = "24:00"
   EXPECT_EQ(json["items"][2]["schedule"]["days"], (ordered_json{"mon", "sun"}));
   EXPECT_EQ(json["items"][2]["schedule"]["from"], "08:30");
   EXPECT_EQ(json["items"][2]["schedule"]["to"], "24:00");
+  EXPECT_EQ(json["items"][2]["schedule"]["dates"], ordered_json::array({"12-01..02-28"}));
+  EXPECT_EQ(json["items"][2]["schedule"]["except"], ordered_json::array({"2026-12-24"}));
+  EXPECT_EQ(json["items"][2]["grid"], "8x6");
+  EXPECT_EQ(json["items"][2]["aspect"], 0.75);
+  EXPECT_EQ(json["items"][2]["invert"], true);
+  EXPECT_EQ(json["items"][2]["fit"], "cover");
+  EXPECT_EQ(json["items"][2]["weight"], 3);
+  EXPECT_EQ(json["shuffle"], 5);
 }
 
 TEST(ListJson, ARelativeNameIsWholeForReadersInOtherFolders) {

@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <set>
+#include <vector>
 
 #include "base/error.h"
 #include "player/playlist/playlist.h"
@@ -153,6 +156,61 @@ loops = "forever"
   EXPECT_EQ(list.items[2].source.text, "ring:/run/ring.sock");
 }
 
+TEST(PlaylistFile, AnItemStatesItsLayoutAsTheFlagsDo) {
+  const Playlist list = parse(R"([[item]]
+source = "a.png"
+grid = "8x6"
+views = 45
+aspect = 0.75
+invert = true
+fit = "cover"
+[[item]]
+depth = "right"
+source = "b.mp4"
+depth_range = "-2:2"
+invert_depth = true
+depth_budget = 1
+[[item]]
+source = "c.png"
+depth = "c-depth.png"
+zero_plane = "20px"
+)");
+  const ContentFlags quilt = list.items[0].source.content;
+  EXPECT_EQ(quilt, (ContentFlags{.grid = "8x6", .views = 45, .aspect = 0.75, .invert = true}));
+  EXPECT_EQ(list.items[0].fit, "cover");
+  EXPECT_EQ(list.items[0].source.kind, SourceKind::Pictures);
+  const ContentFlags inside = list.items[1].source.content;
+  EXPECT_EQ(inside.depth, "right");
+  EXPECT_EQ(inside.depth_range, "-2:2");
+  EXPECT_TRUE(inside.invert_depth);
+  EXPECT_EQ(inside.depth_budget, 1.0);
+  EXPECT_EQ(list.items[2].source.content.depth, "/films/c-depth.png") << "beside the list";
+}
+
+TEST(PlaylistFile, ReadsDatesFromTheListOrFromAFile) {
+  const test::ScratchFolder folder;
+  std::ofstream(folder / "holidays.txt")
+      << "# closed\n12-24..12-26  # every year\n\n2027-05-01\r\n";
+  const auto read = [&](const std::string& schedule) {
+    const std::string list = "[[item]]\nsource = \"a.png\"\nschedule = {" + schedule + "}\n";
+    return *parse_playlist(list, "list.toml", folder.path()).items[0].schedule;
+  };
+  const Schedule from_file = read("except = \"holidays.txt\"");
+  ASSERT_EQ(from_file.except.size(), 2u);
+  EXPECT_EQ(to_string(from_file.except[0]), "12-24..12-26");
+  EXPECT_EQ(to_string(from_file.except[1]), "2027-05-01");
+  EXPECT_EQ(from_file, read("except = [\"12-24..12-26\", \"2027-05-01\"]"));
+  EXPECT_TRUE(read("dates = []").permits({0, 0}));
+  EXPECT_THAT(test::error_of([&] { (void)read("dates = \"none.txt\""); }).what(),
+              testing::HasSubstr("none.txt"));
+  std::ofstream(folder / "wrong.txt") << "2027-05-01\nsoon\n";
+  EXPECT_THAT(test::error_of([&] { (void)read("dates = \"wrong.txt\""); }).what(),
+              testing::HasSubstr("wrong.txt:2: 'soon' is no date"));
+  for (const char* const text : {"2026-02-29", "13-01", "2026-12-24..12-26", "2026-1-1", "",
+                                 "2027-01-02..2027-01-01", "0000-01-01", "12-24..", "2026-12-24x"})
+    EXPECT_FALSE(parse_dates(text)) << text;
+}
+
 TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   const std::string item = "[[item]]\nsource = \"a.png\"\n";
   EXPECT_EQ(complaint(""), "list.toml:1: no [[item]]");
@@ -175,6 +233,20 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   EXPECT_THAT(complaint("format = 2\n" + item), testing::HasSubstr("list.toml:1: format"));
   EXPECT_THAT(complaint("format = 2e41\n" + item), testing::HasSubstr("list.toml:1: format"));
   EXPECT_THAT(complaint("format = 1.0\n" + item), testing::HasSubstr("list.toml:1: format"));
+  EXPECT_THAT(complaint(item + "grid = \"8by6\"\n"), testing::HasSubstr(":3: grid: "));
+  EXPECT_THAT(complaint(item + "stereo = \"both\"\n"), testing::HasSubstr(":3: stereo: "));
+  EXPECT_THAT(complaint(item + "depth_range = \"2\"\n"), testing::HasSubstr(":3: depth_range: "));
+  EXPECT_THAT(complaint(item + "fit = \"wide\"\n"), testing::HasSubstr(":3: fit: "));
+  EXPECT_THAT(complaint(item + "grid = \"2x1\"\nstereo = \"sbs\"\n"),
+              testing::HasSubstr("exclude each other"));
+  EXPECT_THAT(complaint(item + "views = 0\n"), testing::HasSubstr(":3: not a whole number from 1"));
+  EXPECT_THAT(complaint(item + "invert = 1\n"), testing::HasSubstr(":3: neither true nor false"));
+  EXPECT_THAT(complaint(item + "weight = 101\n"), testing::HasSubstr("from 1 to 100"));
+  EXPECT_THAT(complaint(item + "aspect = inf\n"), testing::HasSubstr(":3: not a number above 0"));
+  EXPECT_THAT(complaint("shuffle = \"yes\"\n" + item),
+              testing::HasSubstr(":1: not a whole number"));
+  EXPECT_THAT(complaint(item + "schedule = {dates = [\"24.12.\"]}\n"),
+              testing::HasSubstr(":3: '24.12.' is no date"));
   EXPECT_THAT(complaint(item + "schedule = {days = [\"noday\"]}\n"),
               testing::HasSubstr(":3: not a day"));
   EXPECT_THAT(complaint(item + "schedule = {from = \"8:00\"}\n"),
@@ -210,6 +282,86 @@ TEST(PlaylistOrder, SkipsItemsThatAreNotScheduledNow) {
   EXPECT_EQ(again.kind, NextItem::Kind::Item);
   EXPECT_EQ(again.rounds_done, 1u);
   EXPECT_EQ(next_item(list, 2, 1, morning).kind, NextItem::Kind::End);
+}
+
+LocalTime at(const char* date, int minute) {
+  return {.day = day_of(parse_dates(date)->first), .minute = minute};
+}
+
+TEST(PlaylistOrder, DatesPermitAndForbid) {
+  EXPECT_EQ(at("2026-11-30", 0).weekday(), 0);
+  EXPECT_EQ(at("1969-12-28", 0).weekday(), 6);
+  const Schedule winter{.from_minute = 22 * 60,
+                        .to_minute = 60,
+                        .dates = {*parse_dates("12-01..02-29")},
+                        .except = {*parse_dates("2026-12-24..2026-12-26")}};
+  EXPECT_FALSE(winter.permits(at("2026-11-30", 23 * 60)));
+  EXPECT_TRUE(winter.permits(at("2026-12-01", 23 * 60)));
+  EXPECT_TRUE(winter.permits(at("2028-02-29", 23 * 60)));
+  EXPECT_TRUE(winter.permits(at("2028-03-01", 59))) << "the span began on a permitted day";
+  EXPECT_FALSE(winter.permits(at("2028-03-01", 23 * 60)));
+  EXPECT_FALSE(winter.permits(at("2026-12-25", 23 * 60)));
+  EXPECT_TRUE(winter.permits(at("2027-12-25", 23 * 60)));
+}
+
+TEST(PlaylistOrder, NamesTheNextPermittedDate) {
+  Playlist list{.name = "l", .items = {}, .standby = {}, .rounds = kForever};
+  list.items.resize(1);
+  list.items[0].schedule = Schedule{.from_minute = 600, .dates = {*parse_dates("2026-12-24")}};
+  EXPECT_EQ(reason_to_wait(list, at("2026-11-29", 700)),
+            "no item is scheduled before Thu 2026-12-24 10:00");
+  EXPECT_EQ(reason_to_wait(list, at("2026-12-23", 700)), "no item is scheduled before Thu 10:00");
+  EXPECT_EQ(reason_to_wait(list, at("2026-12-25", 0)), "no item is scheduled any more");
+}
+
+/// Returns the sources' indices that are played in the first rounds.
+std::vector<std::vector<size_t>> played(const Playlist& list, uint64_t rounds) {
+  std::vector<std::vector<size_t>> played(rounds);
+  NextItem item = next_item(list, std::nullopt, 0, {});
+  for (; item.rounds_done < rounds; item = next_item(list, item.index, item.rounds_done, {}))
+    played[item.rounds_done].push_back(item.index);
+  return played;
+}
+
+TEST(PlaylistOrder, AShufflePlaysEachItemOnceARoundAndNoneTwiceInARow) {
+  for (const size_t items : {3u, 4u, 17u}) {
+    Playlist list{.name = "l", .items = {}, .standby = {}, .rounds = kForever, .shuffle = 7};
+    list.items.resize(items);
+    const auto rounds = played(list, 200);
+    std::set<std::vector<size_t>> orders;
+    for (size_t round = 0; round < rounds.size(); ++round) {
+      std::vector<size_t> sorted = rounds[round];
+      orders.insert(sorted);
+      if (round > 0) EXPECT_NE(rounds[round].front(), rounds[round - 1].back());
+      for (size_t k = 0; k + 1 < items; ++k) {
+        EXPECT_EQ(list.beside(sorted[k], 1, round), sorted[k + 1]);
+        EXPECT_EQ(list.beside(sorted[k + 1], -1, round), sorted[k]);
+      }
+      std::ranges::sort(sorted);
+      for (size_t k = 0; k < items; ++k) ASSERT_EQ(sorted.at(k), k);
+    }
+    EXPECT_GE(orders.size(), items == 3 ? 6u : items == 4 ? 20u : 200u);
+    list.shuffle = 8;
+    EXPECT_NE(played(list, 200), rounds);
+  }
+}
+
+TEST(PlaylistOrder, WeightsSpreadTheLighterItemsOverTheRounds) {
+  Playlist list{.name = "l", .items = {}, .standby = {}, .rounds = kForever};
+  list.items.resize(4);
+  list.items[0].weight = 3;
+  std::vector<size_t> times(4);
+  for (const std::vector<size_t>& round : played(list, 30)) {
+    EXPECT_EQ(round.size(), 2u);
+    EXPECT_EQ(round.front(), 0u);
+    for (const size_t item : round) ++times[item];
+  }
+  EXPECT_THAT(times, testing::ElementsAre(30, 10, 10, 10));
+  list.items[1].weight = 100;
+  list.items[0].schedule = Schedule{.from_minute = 600};
+  list.items[1].schedule = Schedule{.from_minute = 600};
+  EXPECT_EQ(next_item(list, std::nullopt, 0, {}).kind, NextItem::Kind::Item)
+      << "a light item is played in a later round if the heavy ones are not scheduled";
 }
 
 TEST(PlaylistOrder, NamesTheNextScheduledTimeIfNoItemIsScheduledNow) {
