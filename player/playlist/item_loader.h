@@ -154,7 +154,7 @@ class ItemLoader {
                 .files = item.files,
                 .seen = item.files};
     if (item.returns && cursor_.interrupted()) locked_end_interruption();
-    cursor_.begin(item.index);
+    cursor_.begin(item.index, item.rounds_done);
     if (!item.index) locked_pause();
   }
   void leave() {
@@ -178,18 +178,15 @@ class ItemLoader {
   };
   /// Counts and reports an item that is left out.
   void skip(const Fault& fault) {
-    const std::string problem =
-        fault.why.starts_with(fault.source) ? fault.why : fault.source + ": " + fault.why;
+    const std::string problem = problem_of(fault.source, fault.why);
     {
       const std::lock_guard lock(mutex_);
-      const bool is_known = !fault.played && locked_none_works() && faults_.problem == problem;
       if (!faults_.broke_off && faults_.unplayable_in_a_row == 0)
         faults_.since = SteadyClock::now();
       faults_.broke_off = true;
       faults_.loops_done = fault.loops_done;
       if (!fault.played) locked_note_unplayable(fault.standby, problem);
       if (locked_keeps_trying()) next_.list_over = false;
-      if (is_known) return;
     }
     reporter_.report({.kind = EventKind::ItemSkipped, .source = fault.source, .detail = problem});
   }
@@ -405,9 +402,14 @@ class ItemLoader {
                         : fmt::format("{} files to play", files);
   }
 
+  static std::string problem_of(const std::string& source, const std::string& why) {
+    return why.starts_with(source) ? why : source + ": " + why;
+  }
   static PlaylistEvent skipped_by_jump(const PlaylistItem& item, const Error& error) {
-    return {
-        .kind = EventKind::ItemSkipped, .source = item.source.text, .detail = with_remedy(error)};
+    const std::string& source = item.source.text;
+    return {.kind = EventKind::ItemSkipped,
+            .source = source,
+            .detail = problem_of(source, with_remedy(error))};
   }
 
   static void put_at(OpenItem& item, const PlaylistPlace& place) {
@@ -614,7 +616,8 @@ class ItemLoader {
     std::unique_ptr<OpenItem> gone = jumps ? std::move(next_.item) : nullptr;
     const bool next_was_requested = next_.requested || gone;
     if (jumps) next_.requested = false;
-    if (gone) cursor_.back_to_playing();
+    // The items that could not be played before `gone` are tried again after the playing one.
+    if (gone && cursor_.back_to_playing()) faults_.unplayable_in_a_row = 0;
     Attempt attempt = unlocked(lock, [&] {
       gone.reset();
       return try_open(item, frame);

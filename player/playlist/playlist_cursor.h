@@ -62,10 +62,14 @@ class PlaylistCursor {
     rounds_done_ = rounds_done;
   }
   /// Notes the item that plays from now on; none for standby.
-  void begin(std::optional<size_t> index) { playing_ = index; }
-  /// Forgets an item that was chosen ahead and will not be played.
-  void back_to_playing() {
-    if (playing_) chosen_ = playing_;
+  void begin(std::optional<size_t> index, uint64_t rounds_done) {
+    playing_ = index;
+    playing_rounds_ = rounds_done;
+  }
+  /// Forgets an item that was chosen ahead and will not be played. Returns false if none plays.
+  bool back_to_playing() {
+    if (playing_) choose(*playing_, playing_rounds_);
+    return playing_.has_value();
   }
 
   /// Returns the place at which a jump arrives. During an interruption, items are those of the
@@ -84,7 +88,7 @@ class PlaylistCursor {
       throw Error(ErrorKind::Failed, list->name + ": has no item at the moment",
                   "wait for a file, or load another source");
     int64_t index = jump.item.value_or(0);
-    const uint64_t rounds_done = jump.list ? 0 : leaves ? interrupted_->rounds_done : rounds_done_;
+    const uint64_t rounds_done = jump.list ? 0 : leaves ? interrupted_->rounds_done : rounds_here();
     if (jump.relative)
       index = static_cast<int64_t>(list->beside(static_cast<size_t>(here), index, rounds_done));
     if (!jump.item && !jump.list) index = here;
@@ -101,7 +105,7 @@ class PlaylistCursor {
   void jump(const PlaylistPlace& place) {
     if (place.interrupts && !interrupted_)
       interrupted_ = {
-          .list = list_, .playing = playing_, .chosen = chosen_, .rounds_done = rounds_done_};
+          .list = list_, .playing = playing_, .chosen = chosen_, .rounds_done = rounds_here()};
     if (!place.interrupts && place.list != list_) interrupted_.reset();
     list_ = place.list;
     choose(place.index, place.rounds_done);
@@ -122,7 +126,7 @@ class PlaylistCursor {
     auto list = std::make_shared<Playlist>(*list_);
     if (list->items.size() == 1) list->items.front().loops = loops;
     if (list->items.size() > 1) list->rounds = loops;
-    rounds_done_ = 0;
+    rounds_done_ = playing_rounds_ = 0;
     list_ = std::move(list);
   }
   /// Notes the state of the list's file, which is not read until it changes again.
@@ -142,6 +146,7 @@ class PlaylistCursor {
       return false;
     }
     const size_t near = playing_.value_or(0);
+    rounds_done_ = rounds_here();
     chosen_ = nearest_place(items, near, [&](const auto& item) { return item == *playing; });
     if (chosen_) {
       playing_ = chosen_;
@@ -157,6 +162,7 @@ class PlaylistCursor {
   [[nodiscard]] std::optional<size_t> playing() const { return playing_; }
 
  private:
+  [[nodiscard]] uint64_t rounds_here() const { return playing_ ? playing_rounds_ : rounds_done_; }
   /// Returns the place of the item that satisfies the condition; of several, the nearest to `near`.
   template <class Condition>
   static std::optional<size_t> nearest_place(const std::vector<PlaylistItem>& items, size_t near,
@@ -174,7 +180,8 @@ class PlaylistCursor {
   std::shared_ptr<const Playlist> list_;
   std::optional<size_t> chosen_;
   std::optional<size_t> playing_;
-  uint64_t rounds_done_ = 0;
+  uint64_t rounds_done_ = 0;     ///< before that of the chosen item
+  uint64_t playing_rounds_ = 0;  ///< before that of the playing one, from which jumps count
   std::optional<InterruptedPlace> interrupted_;
 };
 

@@ -53,8 +53,8 @@ struct PlaylistStatus {
   uint64_t rounds_done = 0;
   uint64_t started = 0;
   uint64_t loop_points = 0;
-  uint64_t loops = 0;  ///< times that an item was complete
-  uint64_t skipped = 0;
+  uint64_t loops = 0;            ///< times that an item was complete
+  uint64_t skipped = 0;          ///< items that could not be played, each counted once
   std::string last_problem{};    ///< empty again once the content that caused it plays
   std::string waiting_for{};     ///< why no item of the list can begin; empty if one plays
   frames::FrameDamage damage{};  ///< total over all items so far
@@ -87,10 +87,17 @@ class PlaylistReporter {
     status_.items = list.items.size();
   }
 
-  /// Passes the event on, and counts it.
+  /// Counts and passes on the event, unless an item is skipped again before another one begins.
   void report(const PlaylistEvent& event) {
     {
       const std::lock_guard lock(mutex_);
+      if (event.kind == EventKind::ItemSkipped) {
+        if (skipped_.size() >= kMostSkippedItems) skipped_.clear();
+        const auto [at, is_new] = skipped_.try_emplace(event.source);
+        status_.skipped += is_new ? 1 : 0;
+        const std::pair report{status_.started, event.detail};
+        if (std::exchange(at->second, report) == report) return;
+      }
       const bool is_problem = event.kind == EventKind::ItemSkipped || event.kind == EventKind::Kept;
       const bool is_replaced = event.kind == EventKind::Replaced &&
                                problem_.kind == EventKind::Kept && problem_.source == event.source;
@@ -99,7 +106,6 @@ class PlaylistReporter {
         status_.last_problem = event.detail;
         problem_ = event;
       }
-      if (event.kind == EventKind::ItemSkipped) ++status_.skipped;
       if (event.kind == EventKind::LoopPoint) ++status_.loop_points;
     }
     if (on_event_) on_event_(event);
@@ -209,7 +215,7 @@ class PlaylistReporter {
  private:
   using EventKind = PlaylistEvent::Kind;
   static constexpr size_t kRememberedItems = 64;
-  static constexpr size_t kMostDamagedItems = 1000;
+  static constexpr size_t kMostDamagedItems = 1000, kMostSkippedItems = 1000;
   [[nodiscard]] ItemAccount* locked_account(uint32_t number) {
     for (ItemAccount& one : begun_)
       if (one.number == number) return &one;
@@ -226,6 +232,8 @@ class PlaylistReporter {
   PlaylistStatus status_;
   PlaylistEvent problem_;  ///< event of status_.last_problem
   std::deque<ItemAccount> begun_;
+  /// The skipped items by source: `started` of the status, and the reason, at the last report.
+  std::map<std::string, std::pair<uint64_t, std::string>> skipped_;
 };
 
 }  // namespace lenticule::player

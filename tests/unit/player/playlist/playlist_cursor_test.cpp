@@ -23,7 +23,7 @@ class PlaylistCursorTest : public testing::Test {
 
   void play(size_t index) {
     cursor.choose(index, 0);
-    cursor.begin(index);
+    cursor.begin(index, 0);
     playing = cursor.list()->items[index];
   }
   [[nodiscard]] std::string next() const {
@@ -74,6 +74,16 @@ TEST_F(PlaylistCursorTest, AnItemThatWasChosenAheadAndClosedIsChosenAgain) {
   cursor.choose(1, 0);
   cursor.back_to_playing();
   EXPECT_EQ(next(), "b");
+}
+
+TEST_F(PlaylistCursorTest, AJumpCompletesNoRoundEvenIfTheNextOneWasChosenAhead) {
+  play(2);
+  cursor.choose(0, 1);
+  EXPECT_EQ(cursor.target_of({.item = -1, .relative = true}).rounds_done, 0u);
+  EXPECT_EQ(cursor.target_of({.item = 0}).rounds_done, 0u);
+  cursor.back_to_playing();
+  EXPECT_EQ(cursor.rounds_done(), 0u);
+  EXPECT_EQ(cursor.next(kNow).rounds_done, 1u);
 }
 
 }  // namespace

@@ -157,6 +157,24 @@ TEST_F(PlaylistPlay, BrokenItemsAreSkippedAndNamed) {
   EXPECT_THAT(skipped, testing::UnorderedElementsAre("missing", "breaks", "large", "empty"));
 }
 
+TEST_F(PlaylistPlay, ABrokenItemIsReportedOnceInEachTurn) {
+  const Playlist list = list_of({"a", "b"});
+  int reports = 0;
+  PlaylistReporter reporter(list, [&](const PlaylistEvent& event) {
+    reports += event.kind == PlaylistEvent::Kind::ItemSkipped ? 1 : 0;
+  });
+  const PlaylistEvent skipped{
+      .kind = PlaylistEvent::Kind::ItemSkipped, .source = "b", .detail = "b: is damaged"};
+  reporter.report(skipped);
+  reporter.report(skipped);
+  EXPECT_EQ(reports, 1);
+  reporter.started(
+      {.list = std::make_shared<const Playlist>(list), .item = list.items[0], .index = 0});
+  reporter.report(skipped);
+  EXPECT_EQ(reports, 2);
+  EXPECT_EQ(reporter.status().skipped, 1u);
+}
+
 TEST_F(PlaylistPlay, AListWithoutPlayableItemsEnds) {
   const PlayResult result = play_list(list_of({"missing", "gone"}));
   EXPECT_EQ(result.report.pace.shown, 0u);

@@ -239,6 +239,23 @@ TEST_F(PlaylistSteer, NextFailsIfNoOtherItemCanBePlayed) {
   EXPECT_EQ(source->status().source, "a");
 }
 
+TEST_F(PlaylistSteer, AnItemThatPlaysIsNotWaitedForHoweverOftenTheOthersAreTried) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 1000}});
+  start(list_of({"a", "b", "c"}, kForever));
+  const auto next_is_open = [&](int attempts) {
+    return test::comes_true([&] { return shelf.opened() >= attempts; });
+  };
+  int attempts = 4;  // a, and the three of the next round
+  for (int n = 0; n < 3; ++n, attempts += 5) {
+    ASSERT_TRUE(next_is_open(attempts));
+    EXPECT_EQ(source->status().waiting_for, "");
+    EXPECT_EQ(jump({.item = 1, .relative = true}), "c: no such file");
+  }
+  ASSERT_TRUE(next_is_open(attempts));
+  EXPECT_EQ(source->status().waiting_for, "");
+  EXPECT_EQ(source->status().skipped, 2u) << "each is one item, however often it is tried";
+}
+
 TEST_F(PlaylistSteer, TheLastOfManyJumpsCounts) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 1000}});
   start(playlist_of(parse_source("a"), kForever));
