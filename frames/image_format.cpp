@@ -43,6 +43,24 @@ bool is_heif(Bytes bytes) {
       [&](const char* brand) { return starts_with(bytes.subspan(kBrandAt), brand); });
 }
 
+/// Follows the blocks of a GIF: returns true if its end comes after one picture.
+bool is_still_gif(Bytes bytes) {
+  constexpr size_t kHeader = 13, kDescriptor = 10;
+  if (bytes.size() < kHeader || !starts_with(bytes, "GIF8")) return false;
+  const auto table_bytes = [](uint8_t flags) {
+    return flags & 0x80 ? size_t{6} << (flags & 7) : 0;
+  };
+  int pictures = 0;
+  size_t at = kHeader + table_bytes(bytes[10]);
+  for (; at + kDescriptor < bytes.size() && (bytes[at] == ',' || bytes[at] == '!'); ++at) {
+    const bool is_picture = bytes[at] == ',';
+    pictures += is_picture ? 1 : 0;
+    at += is_picture ? kDescriptor + table_bytes(bytes[at + 9]) + 1 : 2;
+    while (at < bytes.size() && bytes[at] != 0) at += size_t{bytes[at]} + 1;
+  }
+  return pictures == 1 && at < bytes.size() && bytes[at] == ';';
+}
+
 uint32_t little_endian_32(Bytes bytes) {
   return bytes[0] | uint32_t{bytes[1]} << 8 | uint32_t{bytes[2]} << 16 | uint32_t{bytes[3]} << 24;
 }
@@ -154,6 +172,7 @@ ImageFormat detect_format(std::span<const uint8_t> bytes, std::string_view name)
   if (is_pnm(bytes)) return ImageFormat::Pnm;
   if (is_webp(bytes)) return ImageFormat::WebP;
   if (is_heif(bytes)) return ImageFormat::Heif;
+  if (is_still_gif(bytes)) return ImageFormat::Gif;
   const size_t dot = name.rfind('.');
   const bool targa =
       dot != std::string_view::npos && format_of_extension(name.substr(dot)) == ImageFormat::Targa;
@@ -162,8 +181,8 @@ ImageFormat detect_format(std::span<const uint8_t> bytes, std::string_view name)
 
 const char* plugin_name(ImageFormat format) {
   // In the order of ImageFormat.
-  constexpr std::array<const char*, 11> kPlugins = {
-      "", "png", "jpeg", "tiff", "openexr", "pnm", "bmp", "targa", "hdr", "webp", "heif"};
+  constexpr const char* kPlugins[] = {"",    "png",   "jpeg", "tiff", "openexr", "pnm",
+                                      "bmp", "targa", "hdr",  "webp", "heif",    "gif"};
   return kPlugins[static_cast<size_t>(format)];
 }
 

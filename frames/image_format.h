@@ -10,10 +10,10 @@
 
 namespace lenticule::frames {
 
-enum class ImageFormat { Unknown, Png, Jpeg, Tiff, Exr, Pnm, Bmp, Targa, Hdr, WebP, Heif };
+enum class ImageFormat { Unknown, Png, Jpeg, Tiff, Exr, Pnm, Bmp, Targa, Hdr, WebP, Heif, Gif };
 
 /// Detects the format from the first bytes. Targa has no signature and is detected by the extension
-/// of `name`.
+/// of `name`. A GIF of several pictures is a film, and Unknown here.
 [[nodiscard]] ImageFormat detect_format(std::span<const uint8_t> bytes, std::string_view name);
 
 /// Returns the format for the extension of a file to be written; case does not matter.

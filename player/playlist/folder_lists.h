@@ -47,9 +47,9 @@ namespace lenticule::player {
   if (file_name.empty() || file_name.front() == '.') return false;
   const std::string extension = lower_case(std::filesystem::path(file_name).extension().string());
   if (extension == ".part") return false;
-  constexpr std::array kPictures = {".png",  ".jpg",  ".jpeg", ".jps", ".pns", ".mpo",
-                                    ".tif",  ".tiff", ".exr",  ".ppm", ".bmp", ".webp",
-                                    ".heic", ".heif", ".hif",  ".avif"};
+  constexpr std::array kPictures = {".png",  ".jpg",  ".jpeg", ".jps",  ".pns", ".mpo",
+                                    ".tif",  ".tiff", ".exr",  ".ppm",  ".bmp", ".webp",
+                                    ".heic", ".heif", ".hif",  ".avif", ".gif"};
   return std::ranges::count(kPictures, extension) > 0 ||
          kind_of_file(file_name) != SourceKind::Pictures;
 }

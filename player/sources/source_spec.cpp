@@ -9,8 +9,10 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "base/numbers.h"
 #include "base/text.h"
+#include "frames/image_format.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/views_input/content_name.h"
@@ -33,6 +35,15 @@ bool is_video_name(const fs::path& file) {
       ".mpg", ".mpeg", ".ogv", ".flv", ".mxf", ".wmv", ".apng", ".gif", ".y4m"};
   const std::string extension = lower_case(file.extension().string());
   return std::find(kNames.begin(), kNames.end(), extension) != kNames.end();
+}
+
+/// Returns true for a GIF of a single picture.
+bool is_still(const fs::path& file) try {
+  constexpr uint64_t kMostBytes = 16 << 20;
+  return lower_case(file.extension().string()) == ".gif" &&
+         frames::detect_format(read_whole_file(file, kMostBytes), {}) == frames::ImageFormat::Gif;
+} catch (const Error&) {
+  return false;
 }
 
 SourceKind kind_of(const std::string& text) {
@@ -90,12 +101,13 @@ bool is_json_name(const std::string& file) {
 
 SourceKind kind_of_file(const fs::path& file) {
   if (frames::is_sequence_name(file)) return SourceKind::Sequence;
-  return is_video_name(file) ? SourceKind::Video : SourceKind::Pictures;
+  return is_video_name(file) && !is_still(file) ? SourceKind::Video : SourceKind::Pictures;
 }
 
 SourceSpec parse_source(std::string text, ContentFlags content, const fs::path& folder) {
   SourceKind kind = kind_of(text);
   std::error_code ignored;
+  if (kind == SourceKind::Video) kind = kind_of_file(folder / text);
   if (kind == SourceKind::Pictures && fs::is_directory(folder / text, ignored)) {
     text += '/';
     kind = SourceKind::List;

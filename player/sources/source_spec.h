@@ -97,7 +97,7 @@ struct SourceSpec {
 [[nodiscard]] bool is_m3u_name(const std::string& file);
 /// Returns true for a name that ends in .json, in any case.
 [[nodiscard]] bool is_json_name(const std::string& file);
-/// Returns Sequence, Video or Pictures, for a file or pattern within a source.
+/// Returns Sequence, Video or Pictures (also for a still GIF), for a file or pattern in a source.
 [[nodiscard]] SourceKind kind_of_file(const std::filesystem::path& file);
 
 /// Returns the state of every file of a source and its sidecar; for a pattern, of the first 256

@@ -16,6 +16,7 @@
 #include "heif_maker.h"
 #include "png_maker.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/gif_maker.h"
 #include "tests/support/noise_frame.h"
 #include "tests/support/scratch_folder.h"
 
@@ -71,6 +72,17 @@ TEST_F(ImageRead, TransparentPaletteKeepsItsColours) {
                         .rows({0, 1, 0})
                         .finish()),
               ElementsAre(101, 102, 103, 1, 2, 3));
+}
+
+TEST_F(ImageRead, AGifOfOnePictureIsReadAndOneOfSeveralIsAFilm) {
+  const WovenFrame still = read(test::gif_of(1), "a.gif");
+  EXPECT_THAT(std::vector<uint8_t>(still.bytes().begin(), still.bytes().end()),
+              ElementsAre(255, 0, 0));
+  EXPECT_THAT(error_of([&] { (void)read(test::gif_of(2), "a.gif"); }).what(),
+              HasSubstr("a.gif: a film, not a picture"));
+  std::vector<uint8_t> cut = test::gif_of(1);
+  for (; !cut.empty(); cut.pop_back())
+    if (cut.back() != ';') EXPECT_THROW((void)read(cut, "a.gif"), Error) << cut.size();
 }
 
 TEST_F(ImageRead, OneBitGreyIsBlackAndWhite) {

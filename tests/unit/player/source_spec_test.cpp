@@ -4,6 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/gif_maker.h"
+#include "tests/support/scratch_folder.h"
+
 namespace lenticule::player {
 namespace {
 
@@ -27,6 +30,15 @@ TEST(SourceSpec, TheNameDecidesTheKind) {
   EXPECT_EQ(kind("out/%05d.png"), SourceKind::Pictures);
   EXPECT_EQ(kind("./card"), SourceKind::Pictures);
   EXPECT_EQ(kind(""), SourceKind::Pictures);
+}
+
+TEST(SourceSpec, AGifOfOnePictureIsAPicture) {
+  const test::ScratchFolder folder;
+  test::write_bytes(folder / "still.gif", test::gif_of(1));
+  test::write_bytes(folder / "moves.GIF", test::gif_of(2));
+  EXPECT_EQ(kind_of_file(folder / "still.gif"), SourceKind::Pictures);
+  EXPECT_EQ(parse_source("still.gif", {}, folder.path()).kind, SourceKind::Pictures);
+  EXPECT_EQ(kind_of_file(folder / "moves.GIF"), SourceKind::Video);
 }
 
 TEST(SourceSpec, AFolderIsPlayedAsAListWithOrWithoutASlash) {
