@@ -115,7 +115,7 @@ class JpegReader {
       &jpeg_, &jpeg_destroy_decompress};
 };
 
-class JpegCodec final : public PictureCodec {
+class JpegCodec final : public PictureDecoder {
  public:
   [[nodiscard]] PictureInfo probe(std::span<const uint8_t> bytes,
                                   const std::string& name) const override {
@@ -126,16 +126,11 @@ class JpegCodec final : public PictureCodec {
               PictureSink& sink) const override {
     JpegReader(bytes, name).decode(values, sink);
   }
-
-  [[nodiscard]] std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,
-                                            const std::string& name) const override {
-    return picture_codec(format).encode(frame, format, name);
-  }
 };
 
 }  // namespace
 
-const PictureCodec* jpeg_codec(std::span<const uint8_t> bytes, const std::string& name) {
+const PictureDecoder* jpeg_codec(std::span<const uint8_t> bytes, const std::string& name) {
   static const JpegCodec codec;
   try {
     return JpegReader(bytes, name).is_usual() ? &codec : nullptr;

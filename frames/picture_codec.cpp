@@ -257,14 +257,14 @@ const PictureCodec& picture_codec(ImageFormat format) {
   return codec;
 }
 
-const PictureCodec* built_in_codec(std::span<const uint8_t> bytes, const std::string& name) {
+const PictureDecoder* built_in_codec(std::span<const uint8_t> bytes, const std::string& name) {
   const ImageFormat format = detect_format(bytes, {});
   if (format == ImageFormat::Png) return &png_codec();
   return format == ImageFormat::Jpeg ? jpeg_codec(bytes, name) : nullptr;
 }
 
-const PictureCodec& picture_codec(std::span<const uint8_t> bytes, const std::string& name) {
-  const PictureCodec* const built_in = built_in_codec(bytes, name);
+const PictureDecoder& picture_codec(std::span<const uint8_t> bytes, const std::string& name) {
+  const PictureDecoder* const built_in = built_in_codec(bytes, name);
   return built_in != nullptr ? *built_in : picture_codec(ImageFormat::Unknown);
 }
 

@@ -42,19 +42,23 @@ class PictureSink {
   [[nodiscard]] virtual std::span<uint8_t> rows(int y, int rows) = 0;
 };
 
-/// PictureCodec is also the interface between the program and the lazily loaded library, which come
-/// from the same build. Every function throws the Error that its caller in image_io.h documents.
-/// `name` is for messages.
+/// Every function throws the Error that its caller in image_io.h documents. `name` is for messages.
 ///
 /// Thread safety: any thread.
-class PictureCodec {
+class PictureDecoder {
  public:
-  virtual ~PictureCodec() = default;
+  virtual ~PictureDecoder() = default;
 
   [[nodiscard]] virtual PictureInfo probe(std::span<const uint8_t> bytes,
                                           const std::string& name) const = 0;
   virtual void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValues values,
                       PictureSink& sink) const = 0;
+};
+
+/// PictureCodec is also the interface between the program and the lazily loaded library, which come
+/// from the same build.
+class PictureCodec : public PictureDecoder {
+ public:
   [[nodiscard]] virtual std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,
                                                     const std::string& name) const = 0;
 };
@@ -90,11 +94,11 @@ class RowsOfSink {
 ///
 /// Thread safety: any thread.
 [[nodiscard]] const PictureCodec& picture_codec(ImageFormat format);
-[[nodiscard]] const PictureCodec& picture_codec(std::span<const uint8_t> bytes,
-                                                const std::string& name);
+[[nodiscard]] const PictureDecoder& picture_codec(std::span<const uint8_t> bytes,
+                                                  const std::string& name);
 /// Returns null if only the loaded library decodes the picture.
-[[nodiscard]] const PictureCodec* built_in_codec(std::span<const uint8_t> bytes,
-                                                 const std::string& name);
+[[nodiscard]] const PictureDecoder* built_in_codec(std::span<const uint8_t> bytes,
+                                                   const std::string& name);
 
 /// Type and name of the function that the library exports. The function returns null for a
 /// `version` that is not its own.
@@ -141,7 +145,7 @@ void use_picture_reader(const PictureFileReader* reader) noexcept;
 ///
 /// Thread safety: any thread.
 [[nodiscard]] const PictureCodec& png_codec();
-[[nodiscard]] const PictureCodec* jpeg_codec(std::span<const uint8_t> bytes,
-                                             const std::string& name);
+[[nodiscard]] const PictureDecoder* jpeg_codec(std::span<const uint8_t> bytes,
+                                               const std::string& name);
 
 }  // namespace lenticule::frames

@@ -137,7 +137,7 @@ std::string name_of(const PictureRequestMessage& message) {
 void serve(const Received& received, std::span<uint8_t> memory, bool reads_all) {
   const std::vector<uint8_t> bytes = bytes_of(received);
   const std::string name = name_of(received.message);
-  const frames::PictureCodec* const codec =
+  const frames::PictureDecoder* const codec =
       reads_all ? &frames::picture_codec(bytes, name) : frames::built_in_codec(bytes, name);
   if (codec == nullptr) return send({.reply = PictureReply::Unusual});
   if (received.message.request == PictureRequest::Probe)

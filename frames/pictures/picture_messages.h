@@ -39,7 +39,7 @@ struct PictureRequestMessage {
 
 enum class PictureReply : uint32_t { Idle, Header, Rows, Done, Failed, Unusual };
 
-/// PictureReplyMessage is a reply. A decoder that reads PNG and common JPEGs only replies
+/// PictureReplyMessage is a reply. A decoder that reads PNG and usual JPEGs only replies
 /// Unusual to all other pictures.
 /// After the Header of a Decode and after each Rows the decoder waits for Continue, or for Stop,
 /// which makes it idle.

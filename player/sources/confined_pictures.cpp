@@ -32,16 +32,17 @@ constexpr size_t kMostDecoders = 8;
 constexpr double kMostPixelAspect = 100.0;
 constexpr int64_t kMegapixel = 1'000'000;
 
-constexpr ConfinedProgram kProgram{.name = "lenticule-pictures",
-                                   .role = "decoder",
-                                   .package = "lenticule-media",
-                                   .remedy = "the file is broken; save it again as PNG"};
+constexpr ConfinedProgram kProgram{
+    .name = "lenticule-pictures",
+    .role = "decoder",
+    .package = "lenticule-media",
+    .remedy = "the file is broken, or its decoder is: save it again as PNG"};
 
-/// Formats that a decoder reads. A decoder that reads PNG and common JPEGs only starts in a
+/// Formats that a decoder reads. A decoder that reads PNG and usual JPEGs only starts in a
 /// hundredth of the time.
 enum class Formats { Usual, All };
 
-/// Thrown if a decoder that reads PNG and common JPEGs only got another picture.
+/// Thrown if a decoder that reads PNG and usual JPEGs only got another picture.
 class UnusualPicture final : public std::exception {};
 
 /// OpenPicture is a picture whose bytes can be passed to a decoder.

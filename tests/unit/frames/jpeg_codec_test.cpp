@@ -28,25 +28,25 @@ struct Decoded final : PictureSink {
   std::vector<uint8_t> pixels;
 };
 
-Decoded decoded_by(const PictureCodec& codec, const std::vector<uint8_t>& bytes,
+Decoded decoded_by(const PictureDecoder& codec, const std::vector<uint8_t>& bytes,
                    PictureValues values = PictureValues::Codes) {
   Decoded out;
   codec.decode(bytes, "a.jpg", values, out);
   return out;
 }
 
-const PictureCodec& open_image_io() {
+const PictureDecoder& open_image_io() {
   return picture_codec(ImageFormat::Jpeg);
 }
 
-const PictureCodec& built_in(const std::vector<uint8_t>& bytes) {
-  const PictureCodec* const codec = built_in_codec(bytes, "a.jpg");
+const PictureDecoder& built_in(const std::vector<uint8_t>& bytes) {
+  const PictureDecoder* const codec = built_in_codec(bytes, "a.jpg");
   EXPECT_NE(codec, nullptr) << "OpenImageIO would decode it";
   return codec != nullptr ? *codec : open_image_io();
 }
 
 void expect_same(const std::vector<uint8_t>& bytes) {
-  const PictureCodec& codec = built_in(bytes);
+  const PictureDecoder& codec = built_in(bytes);
   for (const auto values : {PictureValues::Codes, PictureValues::Colours, PictureValues::Data}) {
     const Decoded ours = decoded_by(codec, bytes, values);
     const Decoded theirs = decoded_by(open_image_io(), bytes, values);
@@ -100,7 +100,7 @@ TEST(JpegCodec, UnusualPicturesAreLeftToOpenImageIo) {
 }
 
 /// Returns the name and the first word of the cause; nothing without an error.
-std::string beginning_of_error(const PictureCodec& codec, const std::vector<uint8_t>& bytes) {
+std::string beginning_of_error(const PictureDecoder& codec, const std::vector<uint8_t>& bytes) {
   try {
     (void)decoded_by(codec, bytes);
     return {};
@@ -116,7 +116,7 @@ TEST(JpegCodec, APictureCutAnywhereIsAnErrorOfTheFile) {
       std::vector<uint8_t> cut(whole.begin(), whole.begin() + std::ptrdiff_t(size));
       for (const bool ends : {false, true}) {
         if (ends) cut.insert(cut.end(), {0xFF, 0xD9});
-        const PictureCodec* const codec = built_in_codec(cut, "a.jpg");
+        const PictureDecoder* const codec = built_in_codec(cut, "a.jpg");
         if (codec == nullptr) continue;  // the header is cut
         // To both, a progressive picture is complete without its last scans.
         EXPECT_EQ(beginning_of_error(*codec, cut), beginning_of_error(open_image_io(), cut))
@@ -134,7 +134,7 @@ TEST(JpegCodec, DamagedBytesGiveTheirPixelsOrAnError) {
       for (const int flip : {1, 64, 255}) {
         auto bytes = whole;
         bytes[at] ^= static_cast<uint8_t>(flip);
-        const PictureCodec* const codec = built_in_codec(bytes, "a.jpg");
+        const PictureDecoder* const codec = built_in_codec(bytes, "a.jpg");
         if (codec == nullptr) continue;
         try {
           const Decoded ours = decoded_by(*codec, bytes);
