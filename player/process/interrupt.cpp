@@ -6,6 +6,7 @@
 
 #include <atomic>
 #include <csignal>
+#include <cstring>
 
 #include "base/unique_fd.h"
 #include "display/kms/device/graphics_console.h"
@@ -15,6 +16,7 @@ namespace lenticule::player {
 namespace {
 
 std::atomic<int> g_signal{0};
+std::atomic<const char*> g_text{nullptr};
 std::atomic<bool> g_reloads{false};
 std::atomic<bool> g_reload_wanted{false};
 int g_pipe[2] = {-1, -1};
@@ -32,7 +34,9 @@ extern "C" void on_interrupt(int signal) {
     _exit(128 + signal);
   }
   const char byte = 1;
-  [[maybe_unused]] const ssize_t ignored = write(g_pipe[1], &byte, 1);
+  [[maybe_unused]] ssize_t ignored = write(g_pipe[1], &byte, 1);
+  if (const char* const text = g_text.load(); signal == SIGINT && text != nullptr)
+    ignored = write(STDERR_FILENO, text, strlen(text));
 }
 
 }  // namespace
@@ -63,6 +67,10 @@ void reload_at_hangup() noexcept {
 
 bool take_reload_request() noexcept {
   return g_reload_wanted.exchange(false);
+}
+
+void say_at_interrupt(const char* text) noexcept {
+  g_text.store(text);
 }
 
 int interrupt_signal() noexcept {

@@ -24,6 +24,9 @@ void reload_at_hangup() noexcept;
 /// Returns true if a reload was requested since the last call.
 [[nodiscard]] bool take_reload_request() noexcept;
 
+/// Writes the text, which must stay, to standard error at the first Ctrl-C: for slow work.
+void say_at_interrupt(const char* text) noexcept;
+
 /// Returns the signal that asked the process to stop, or 0.
 [[nodiscard]] int interrupt_signal() noexcept;
 [[nodiscard]] inline bool interrupted() noexcept {

@@ -11,7 +11,6 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 
@@ -19,20 +18,17 @@
 
 namespace lenticule::player {
 
-enum class ProgressStyle { Auto, Json, Off };
-
 /// Redraws at most ten times a second on a terminal, every five seconds elsewhere. Thread safety:
 /// one thread.
 class Progress {
  public:
   /// `unit` is the plural of the counted unit: "frames".
-  Progress(std::string label, std::string unit, uint64_t total,
-           ProgressStyle style = ProgressStyle::Auto)
+  Progress(std::string label, std::string unit, uint64_t total, bool is_quiet = false)
       : label_(std::move(label)),
         unit_(std::move(unit)),
         total_(total),
-        style_(style),
-        terminal_(style == ProgressStyle::Auto && stderr_is_terminal()),
+        is_quiet_(is_quiet),
+        terminal_(!is_quiet && stderr_is_terminal()),
         start_(Clock::now()),
         last_draw_(start_) {}
   ~Progress() {
@@ -41,8 +37,10 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  void update(uint64_t done, const std::string& note = {}) {
+  /// `skipped` of the units were done before, and took no time.
+  void update(uint64_t done, const std::string& note = {}, uint64_t skipped = 0) {
     done_ = done;
+    skipped_ = skipped;
     note_ = note;
     const auto now = Clock::now();
     const bool due = now - last_draw_ >= (terminal_ ? Clock::duration(kTerminalInterval)
@@ -77,22 +75,12 @@ class Progress {
     return fmt::format("{}h{:02}m", whole / 3600, whole % 3600 / 60);
   }
   void draw(bool final) {
-    if (style_ == ProgressStyle::Off) return;
+    if (is_quiet_) return;
     drawn_ = true;
     const double elapsed = std::chrono::duration<double>(Clock::now() - start_).count();
-    const double rate = elapsed > 0 ? static_cast<double>(done_) / elapsed : 0.0;
+    const double rate = elapsed > 0 ? static_cast<double>(done_ - skipped_) / elapsed : 0.0;
     const double remaining =
         rate > 0 && total_ > done_ ? static_cast<double>(total_ - done_) / rate : 0.0;
-
-    if (style_ == ProgressStyle::Json) {
-      const nlohmann::json line = {{"done", done_},
-                                   {"total", total_},
-                                   {"unit", unit_},
-                                   {"rate_per_s", rate},
-                                   {"eta_ms", static_cast<int64_t>(remaining * 1000)}};
-      say("{}\n", json_text(line));
-      return;
-    }
 
     const std::string count = total_ > 0 ? fmt::format("{}/{} {}", done_, total_, unit_)
                                          : fmt::format("{} {}", done_, unit_);
@@ -117,9 +105,9 @@ class Progress {
   std::string label_;
   std::string unit_;
   uint64_t total_;
-  uint64_t done_ = 0;
+  uint64_t done_ = 0, skipped_ = 0;
   std::string note_;
-  ProgressStyle style_;
+  bool is_quiet_;
   bool terminal_ = false;
   bool finished_ = false;
   bool drawn_ = false;

@@ -130,10 +130,13 @@ TEST_F(EndToEnd, FramesGoThroughTheRingUnchanged) {
 
 TEST_F(EndToEnd, InterruptionKeepsWhatIsFinished) {
   std::filesystem::create_directories(path("out"));
-  expect_end(run({"render", "builtin:demo", "--rig", path("rig.toml"), "--frames", "0:5000", "-o",
-                  path("out/%05d.png")},
-                 {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(1500)}),
-             130, "repeat the command with --resume");
+  const ProcessResult stopped =
+      run({"render", "builtin:demo", "--rig", path("rig.toml"), "--frames", "0:5000", "-o",
+           path("out/%05d.png")},
+          {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(1500)});
+  expect_end(stopped, 130, "repeat the command with --resume");
+  EXPECT_NE(stopped.err.find("finishing this frame; Ctrl-C again stops at once"), std::string::npos)
+      << stopped.err;
   const auto finished = frames::FilePattern(path("out/%05d.png")).existing();
   ASSERT_FALSE(finished.empty());
   for (const uint64_t number : finished)

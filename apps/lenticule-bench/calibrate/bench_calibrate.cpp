@@ -556,8 +556,7 @@ ExitCode run_calibrate_wrong(const CalibrateFlags& flags) {
   json rows = json::array(), summary = json::array();
   if (!flags.json) print_out("{}\n", machine_text());
   player::Progress progress("wrong ways", "calibrations",
-                            static_cast<uint64_t>(flags.draws) * ways.size(),
-                            flags.json ? player::ProgressStyle::Off : player::ProgressStyle::Auto);
+                            static_cast<uint64_t>(flags.draws) * ways.size(), flags.json);
   for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
     const uint64_t seed = flags.first + static_cast<uint64_t>(n);
     lab::WrongWayTrial trial(seed, limits, std::filesystem::temp_directory_path());

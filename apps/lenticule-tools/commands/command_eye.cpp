@@ -59,7 +59,7 @@ ExitCode run_eye(const EyeFlags& flags) {
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {} x {} pixels, the rig's panel has {} x {}", flags.woven,
                             woven.width(), woven.height(), panel.width_px, panel.height_px),
-                "use the rig that the frame was woven for");
+                "use --rig with the rig that the frame was woven for");
 
   const optics::RgbPicture seen =
       optics::simulate_eye(model,

@@ -195,6 +195,7 @@ class RenderRun {
 
   ExitCode run() {
     const auto start = std::chrono::steady_clock::now();
+    player::say_at_interrupt("\nfinishing this frame; Ctrl-C again stops at once\n");
     frames::WovenFrame frame(film_.geometry());
     player::Progress progress("render", "frames", range_.count());
     for (uint64_t number = range_.begin; number < range_.end && !player::interrupted(); ++number) {
@@ -203,7 +204,7 @@ class RenderRun {
       } else if (!render_and_deliver(number, frame)) {
         break;
       }
-      progress.update(number - range_.begin + 1, note());
+      progress.update(number - range_.begin + 1, note(), totals_.skipped);
     }
     if (!player::interrupted()) output_->finish();
     progress.finish(note());

@@ -167,7 +167,9 @@ std::string bounds_text(const json& r) {
 json scene_report(const render::SceneDescription& scene, Vec3 up) {
   size_t triangles = 0;
   size_t vertices = 0;
+  size_t meshes = scene.shapes.size();
   for (const render::TriangleMesh& mesh : scene.meshes) {
+    meshes += mesh.shape < 0 ? 1 : 0;
     triangles += scene.shape_of(mesh).triangles.size();
     vertices += scene.shape_of(mesh).positions.size();
   }
@@ -175,7 +177,8 @@ json scene_report(const render::SceneDescription& scene, Vec3 up) {
                                     [](const render::Node& node) { return node.animated; });
   const Box bounds = render::scene_bounds(scene);
   return {{"scene", scene.source},
-          {"meshes", scene.meshes.size()},
+          {"meshes", meshes},
+          {"instances", scene.meshes.size()},
           {"triangles", triangles},
           {"vertices", vertices},
           {"spheres", scene.spheres.size()},

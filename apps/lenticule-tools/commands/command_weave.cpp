@@ -60,11 +60,17 @@ std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const opt
   const player::SourceSpec source = parse_source(flags.input, flags.content);
   const player::Content content =
       identify_by_pixels(source, optics::fingerprint(rig), std::nullopt, true, true);
-  if (content.kind == player::Content::Kind::Woven)
-    throw Error(
-        ErrorKind::Usage, fmt::format("{}: the layout of the views is unknown", flags.input),
-        "name the file *_qs8x6a0.75.png, use --grid 8x6 (1x1 for an ordinary picture), --stereo, "
-        "--depth or --from-rig, or give a pattern of views");
+  if (content.kind == player::Content::Kind::Woven) {
+    if (source.kind == player::SourceKind::Pictures)
+      (void)frames::probe_picture(flags.input, frames::PictureUse::Views);
+    throw Error(ErrorKind::Usage,
+                fmt::format("{}: {}", flags.input,
+                            source.kind == player::SourceKind::Sequence
+                                ? "its frames are woven already"
+                                : "the layout of the views is unknown"),
+                "name the file *_qs8x6a0.75.png, use --grid 8x6 (1x1 for an ordinary picture or "
+                "film), --stereo, --depth or --from-rig, or give a pattern of views");
+  }
   std::unique_ptr<frames::ViewInput> input = open_views(content, options);
   if (input->frame_count() != uint64_t{1} && !options.frames)
     throw Error(ErrorKind::Usage, fmt::format("{}: more than one frame", flags.input),

@@ -170,10 +170,12 @@ std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
 }
 
 void say_how_to_resume(const std::string& target) {
-  const bool resumes = target.ends_with(".lts") || frames::FilePattern::looks_like_pattern(target);
-  if (player::interrupted() && resumes)
+  if (!player::interrupted()) return;
+  if (target.ends_with(".lts") || frames::FilePattern::looks_like_pattern(target))
     say("{}: unfinished; to go on, repeat the command with --resume, and without --overwrite\n",
         target);
+  else if (player::kind_of_file(target) == player::SourceKind::Video)
+    say("{}: unfinished, and removed; a .lts could be continued with --resume\n", target);
 }
 
 namespace {

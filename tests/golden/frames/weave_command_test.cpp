@@ -68,6 +68,8 @@ TEST_F(WeaveCommand, RefusesUnreadableInput) {
 TEST_F(WeaveCommand, RefusesInvalidRequests) {
   const std::string plain = quilt("plain.png");
   expect_failure(weave(plain), 2, "the layout of the views is unknown");
+  write("model.glb", "glTF, of no version");
+  expect_failure(weave(path("model.glb")), 4, "a model, not a picture");
   for (const char* grid : {"3", "3x", "x2", "3x2x1", "0x2", "-3x2", "a"})
     expect_failure(weave(plain, {"--grid", grid}), 2, "");
   expect_failure(weave(plain, {"--grid", "3x2", "--views", "7"}), 2, "7 views");
