@@ -195,6 +195,7 @@ constexpr std::array<uint8_t, 8> kTrailerMagic = {'L', 'T', 'S', 'E', 'N', 'D', 
 constexpr uint32_t kEndianTag = 0x01020304;
 constexpr int kUsualBands = 36;
 constexpr int kFewRows = 8;
+constexpr const char* kRestore = "restore the file from a copy, or render it again";
 
 void append_bytes(std::span<const uint8_t> bytes, std::vector<uint8_t>& to) {
   to.insert(to.end(), bytes.begin(), bytes.end());
@@ -255,22 +256,23 @@ void append_file_header(const FileHeader& header, std::vector<uint8_t>& to) {
 }
 
 HeaderFlaw parse_file_header(std::span<const uint8_t> bytes, FileHeader& header) {
-  if (bytes.size() < kFileHeaderBytes || !begins_with(bytes, kFileMagic))
-    return HeaderFlaw::NoSequence;
-  if (load_u32(&bytes[8]) != kSequenceVersion) return HeaderFlaw::OtherVersion;
+  constexpr HeaderFlaw kDamaged{"the header is damaged", kRestore};
+  if (!begins_with(bytes, std::span(kFileMagic).first(4)))
+    return {"not a sequence container", "use a file that lenticule wrote (.lts)"};
+  if (bytes.size() < kFileHeaderBytes) return {"the file ends within its header", kRestore};
+  if (!begins_with(bytes, kFileMagic)) return kDamaged;
+  if (load_u32(&bytes[8]) != kSequenceVersion)
+    return {"unsupported version of the sequence container",
+            "use the version of lenticule that wrote it, or convert the file with that version"};
   if (!checksum_holds(bytes, kFileHeaderBytes - 8) || load_u32(&bytes[12]) != kEndianTag)
-    return HeaderFlaw::Damaged;
-  const uint32_t width = load_u32(&bytes[16]);
-  const uint32_t height = load_u32(&bytes[20]);
-  const uint32_t rows = load_u32(&bytes[28]);
-  constexpr auto kMost = static_cast<uint32_t>(kMaxSequencePixels);
-  if (width > kMost || height > kMost || rows > kMost) return HeaderFlaw::OutOfRange;
-  header.geometry = {static_cast<int>(width), static_cast<int>(height),
-                     static_cast<PixelFormat>(load_u32(&bytes[24]))};
-  header.band_rows = static_cast<int>(rows);
+    return kDamaged;
+  const auto number = [&](size_t at) { return static_cast<int>(load_u32(&bytes[at])); };
+  header.geometry = {number(16), number(20), static_cast<PixelFormat>(number(24))};
+  header.band_rows = number(28);
   header.metadata_bytes = load_u64(&bytes[32]);
   header.metadata_checksum = load_u64(&bytes[40]);
-  return in_range(header) ? HeaderFlaw::None : HeaderFlaw::OutOfRange;
+  if (in_range(header)) return {};
+  return {"frame size not supported", "the limits are in docs/content/formats.md"};
 }
 
 void append_frame_header(const FrameHeader& header, int bands, std::vector<uint8_t>& to) {
@@ -346,33 +348,21 @@ constexpr int kMaxFalseStarts = 4096;
 FileHeader read_file_header(int fd, const std::string& source) {
   std::array<uint8_t, kFileHeaderBytes> bytes{};
   FileHeader header;
-  const bool whole = read_at(fd, 0, bytes);
-  const HeaderFlaw flaw = whole ? parse_file_header(bytes, header) : HeaderFlaw::NoSequence;
-  switch (flaw) {
-    case HeaderFlaw::None:
-      return header;
-    case HeaderFlaw::NoSequence:
-      refuse_misnamed(fd, source);
-      refuse(source, "not a sequence container", "use a file that lenticule wrote (.lts)");
-    case HeaderFlaw::OtherVersion:
-      refuse(source, "unsupported version of the sequence container",
-             "use the version of lenticule that wrote it, or convert the file with that version");
-    case HeaderFlaw::Damaged:
-      refuse(source, "the header is damaged", "restore the file from a copy, or render it again");
-    case HeaderFlaw::OutOfRange:
-      break;
-  }
-  refuse(source, "frame size not supported", "the limits are in docs/content/formats.md");
+  const auto there = std::span(bytes).first(std::min(bytes.size(), size_t{size_of(fd)}));
+  if (!read_at(fd, 0, there) || !begins_with(there, std::span(kFileMagic).first(4)))
+    refuse_misnamed(fd, source);
+  const HeaderFlaw flaw = parse_file_header(there, header);
+  if (flaw.cause != nullptr) refuse(source, flaw.cause, flaw.remedy);
+  return header;
 }
 
 SequenceInfo read_info(int fd, const FileHeader& header, uint64_t file_bytes,
                        const std::string& source) {
   if (header.metadata_bytes > kMaxMetadataBytes || header.data_begin() > file_bytes)
-    refuse(source, "the file ends within its metadata",
-           "restore the file from a copy, or render it again");
+    refuse(source, "the file ends within its metadata", kRestore);
   std::vector<uint8_t> text(header.metadata_bytes);
   if (!read_at(fd, kFileHeaderBytes, text) || checksum_of(text) != header.metadata_checksum)
-    refuse(source, "the metadata is damaged", "restore the file from a copy, or render it again");
+    refuse(source, "the metadata is damaged", kRestore);
   return parse_sequence_info({reinterpret_cast<const char*>(text.data()), text.size()},
                              header.geometry, source);
 }

@@ -186,9 +186,12 @@ void append_frame_header(const FrameHeader& header, int bands, std::vector<uint8
 void append_band_entry(const BandEntry& entry, std::vector<uint8_t>& to);
 void append_trailer(const Trailer& trailer, std::vector<uint8_t>& to);
 
-enum class HeaderFlaw { None, NoSequence, OtherVersion, Damaged, OutOfRange };
+struct HeaderFlaw {
+  const char* cause = nullptr;  ///< null: none
+  const char* remedy = nullptr;
+};
 
-/// Parses a header of kFileHeaderBytes.
+/// Parses the first kFileHeaderBytes of a file, or all that it has.
 [[nodiscard]] HeaderFlaw parse_file_header(std::span<const uint8_t> bytes, FileHeader& header);
 /// Parses a header of kFrameHeaderBytes. Returns nothing unless it is a whole header for `bands`
 /// bands.

@@ -88,6 +88,9 @@ class FrameDecoder {
   return lower_case(file.filename().string()).ends_with(".lts") || is_unfinished_name(file);
 }
 
+inline constexpr const char* kNoFramesRemedy =
+    "it ends within its first frame: --resume continues a .lts.part, a copy replaces a .lts";
+
 class SequenceReader {
  public:
   /// Throws Error(Input) for a file that cannot be opened or is not a sequence (see
@@ -200,7 +203,7 @@ class SequenceSource final : public DecodedSource {
                               const SequenceSourceOptions& options, uint64_t count) {
     if (count == 0)
       throw Error(ErrorKind::Input, fmt::format("{}: has no frames", file.string()),
-                  "its writer was stopped before the first frame: continue with --resume");
+                  kNoFramesRemedy);
     const uint64_t end = options.end.value_or(count);
     if (options.begin < end && end <= count) return end;
     throw Error(ErrorKind::Input,

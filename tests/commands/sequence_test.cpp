@@ -239,6 +239,22 @@ TEST_F(SequenceCommand, ConvertKeepsTheRigAndRefusesAWrongOne) {
       1);
 }
 
+TEST_F(SequenceCommand, ConvertRefusesACutFilmUnlessItsFramesAreAskedFor) {
+  ASSERT_EQ(render("0:3", "film.lts").exit_code, 0);
+  const auto bytes = std::filesystem::file_size(path("film.lts"));
+  constexpr uint64_t kIndexAndTrailer = 3 * 8 + 40;
+  std::filesystem::resize_file(path("film.lts"), bytes - kIndexAndTrailer - 1);
+  const auto convert = [&](std::vector<std::string> more) {
+    std::vector<std::string> words{"convert", path("film.lts"), "--overwrite", "-o",
+                                   path("out%02d.png")};
+    words.insert(words.end(), more.begin(), more.end());
+    return run(words);
+  };
+  expect_end(convert({}), 1, "1 are missing");
+  expect_end(convert({"--frames", "0:2"}), 0);
+  expect_end(convert({"--keep-damaged"}), 0);
+}
+
 TEST_F(SequenceCommand, ConvertStatesTheErrorsOfAllItsRuns) {
   ASSERT_EQ(render("0:2", "film.lts").exit_code, 0);
   const auto error_after = [&](const std::string& from, const std::string& to,

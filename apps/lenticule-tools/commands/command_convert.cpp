@@ -81,7 +81,8 @@ class ContainerInput final : public ConvertInput {
   explicit ContainerInput(const std::string& file)
       : reader_(file), decoder_(reader_.make_decoder()) {
     if (reader_.frame_count() == 0)
-      throw Error(ErrorKind::Input, fmt::format("{}: has no frames", file));
+      throw Error(ErrorKind::Input, fmt::format("{}: has no frames", file),
+                  frames::kNoFramesRemedy);
   }
 
   std::optional<uint64_t> count() const override { return reader_.frame_count(); }
@@ -90,6 +91,7 @@ class ContainerInput final : public ConvertInput {
     if (number >= reader_.frame_count()) return ReadResult::End;
     return decoder_.decode(number, frame.bytes()) ? ReadResult::Ok : ReadResult::Damaged;
   }
+  frames::FrameDamage damage() const override { return {.missing = reader_.missing_frames()}; }
 
  private:
   frames::SequenceReader reader_;
@@ -398,7 +400,7 @@ class ConvertRun {
     player::Progress progress("converting", "frames", input_->count() ? range_.count() : 0);
     for (uint64_t n = 0; n < range_.count() && !player::interrupted(); ++n) {
       if (!convert_frame(n, frame)) break;
-      progress.update(n + 1);
+      progress.update(n + 1, {}, skipped_);
     }
     if (!player::interrupted()) finish();
     progress.finish();
@@ -492,7 +494,8 @@ class ConvertRun {
 
   /// Refuses frames that a decoder left out or repaired.
   void refuse_damage_of_sources() const {
-    const frames::FrameDamage damage = input_->damage();
+    frames::FrameDamage damage = input_->damage();
+    if (wanted_) damage.missing = 0;  // behind the range
     if (!damage.any() || flags_.keep_damaged) return;
     throw Error(
         ErrorKind::Failed,
@@ -575,7 +578,7 @@ class ConvertRun {
     return true;
   }
 
-  /// Refuses a film of several frames for one picture. A GIF, say, may have just one.
+  /// Refuses a film of several frames for one picture. An APNG, say, may have just one.
   void require_end() {
     frames::WovenFrame other(info_.geometry);
     if (input_->read(1, other) != ReadResult::End)

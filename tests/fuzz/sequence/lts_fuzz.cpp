@@ -48,7 +48,7 @@ void repair(std::vector<uint8_t>& file) {
   store_u64(checksum_of(std::span(file).subspan(kFileHeaderBytes, metadata)), &file[40]);
   store_u64(checksum_of(std::span(file).first(kFileHeaderBytes - 8)), &file[56]);
   FileHeader header;
-  if (parse_file_header(file, header) != HeaderFlaw::None) return;
+  if (parse_file_header(file, header).cause != nullptr) return;
   for (size_t at = header.data_begin(); at + kFrameHeaderBytes <= file.size();)
     at = repair_frame(file, at, static_cast<size_t>(header.bands()));
 }

@@ -179,6 +179,7 @@ TEST(BrokenScenes, MissingUnknownAndSpecialFilesAreRefused) {
 
 TEST(BrokenScenes, OtherThingsThanModelsAreNamed) {
   const std::tuple<const char*, const char*, const char*> files[] = {
+      {"a.glb", "\x89LTS\r\n", "a film of lenticule"},
       {"a.glb", "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n", "Git LFS"},
       {"a.obj", "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n", "Git LFS"},
       {"a.stl", "<!DOCTYPE html>\n<html><body>404</body></html>\n", "page of the web"},

@@ -151,7 +151,8 @@ TEST_F(VideoPlays, GivesUpAfterTheFourthDeathWithinAMinute) {
 
 TEST_F(VideoPlays, RefusesFilesThatAreNotVideos) {
   for (const auto& [content, what] :
-       {std::pair("these are words, not pictures\n", "words.mkv: a text, not the file"),
+       {std::pair("", "words.mkv: empty"),
+        {"these are words, not pictures\n", "words.mkv: a text, not the file"},
         {"<!DOCTYPE html>\n<html>", "words.mkv: a page of the web"},
         {"version https://git-lfs.github.com/spec/v1\n", "words.mkv: a pointer of Git LFS"},
         {"\x01\x02", "words.mkv: not a readable video"}}) {

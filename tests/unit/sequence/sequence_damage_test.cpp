@@ -152,6 +152,7 @@ TEST(SequenceDamage, RefusesAFileWithoutFrames) {
   test::write_sequence(folder / "a.lts", kGeometry, Content::Noise, 0);
   const Error error = test::error_of([&] { SequenceSource(folder / "a.lts"); });
   EXPECT_EQ(error.kind(), ErrorKind::Input);
+  EXPECT_THAT(error.hint(), ::testing::HasSubstr("it ends within its first frame"));
 }
 
 }  // namespace

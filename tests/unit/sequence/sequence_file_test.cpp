@@ -176,11 +176,13 @@ TEST(SequenceFile, RefusesFilesThatAreNotSequences) {
   EXPECT_EQ(error_of([&] { SequenceReader(folder / "missing.lts"); }).kind(), ErrorKind::Input);
   EXPECT_EQ(error_of([&] { SequenceReader{folder.path()}; }).kind(), ErrorKind::Input);
   test::write_bytes(folder / "empty.lts", {});
-  EXPECT_EQ(error_of([&] { SequenceReader(folder / "empty.lts"); }).kind(), ErrorKind::Input);
+  EXPECT_THAT(error_of([&] { SequenceReader(folder / "empty.lts"); }).what(),
+              HasSubstr("empty.lts: empty"));
   for (const auto& [content, what] :
        {std::pair("<html>", "a page of the web"),
         {"404: Not Found", "a text, not the file"},
         {"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS"},
+        {"\x89LTS\r\n\x1a", "the file ends within its header"},
         {"\x01\x02", "not a sequence container"}}) {
     write_text_file(folder / "b.lts", content);
     EXPECT_THAT(error_of([&] { SequenceReader(folder / "b.lts"); }).what(), HasSubstr(what));
