@@ -215,14 +215,8 @@ using pbr_kernel::LightRays;
 using pbr_kernel::Points;
 using pbr_kernel::Shaded;
 
-// These constants have the values of pbr_scene.cpp.
+using Limits = pbr_kernel::Limits<float>;
 constexpr float kInversePi = 0.318309886F;
-constexpr float kGrazing = 0.02F;
-constexpr float kMostBend = 0.18F;
-constexpr float kSmallestCosine = 1e-3F;
-constexpr float kSmallestRoughness = 0.0525F;
-constexpr float kSmallestSheenRoughness = 0.07F;
-constexpr float kCoatF0 = 0.04F;
 
 inline Floats3 operator*(const Floats3& a, const Floats3& b) {
   return {a.x * b.x, a.y * b.y, a.z * b.z};
@@ -290,8 +284,9 @@ inline void set_factors(const pbr_kernel::Material* materials, const Masks& numb
 inline Floats3 on_plane(const Floats3& side, const Surfaces& s) {
   const Floats3 normal = vector_at(s.geometric), view = vector_at(s.view);
   Floats cosine = dot(normal, view);
-  cosine = select(absolute(cosine) < kGrazing,
-                  select(cosine < 0.0F, Floats::of(-kGrazing), Floats::of(kGrazing)), cosine);
+  cosine = select(
+      absolute(cosine) < Limits::kGrazing,
+      select(cosine < 0.0F, Floats::of(-Limits::kGrazing), Floats::of(Limits::kGrazing)), cosine);
   return side - view * (dot(side, normal) / cosine);
 }
 
@@ -509,12 +504,12 @@ inline Floats3 to_environment(const Environment& e, const Floats3& d) {
 }
 
 inline Floats seen_cosine(const Floats& cosine) {
-  return min(max(cosine, Floats::of(kSmallestCosine)), Floats::of(1.0F));
+  return min(max(cosine, Floats::of(Limits::kSmallestCosine)), Floats::of(1.0F));
 }
 
 /// Returns the roughness of a surface whose shape and normal map vary as well.
 inline Floats widened(const Floats& roughness, const Floats& bend, const Floats& spread_of_map) {
-  const Floats more = min(bend * kInversePi, Floats::of(kMostBend)) + spread_of_map;
+  const Floats more = min(bend * kInversePi, Floats::of(Limits::kMostBend)) + spread_of_map;
   const Floats alpha = roughness * roughness;
   const Floats wider = root(root(min(alpha * alpha + more, Floats::of(1.0F))));
   return select(more > 0.0F, wider, roughness);
@@ -580,7 +575,7 @@ inline Floats mirror_occlusion(const Floats& occlusion, const Floats& cosine,
 inline void add_coat(const pbr_kernel::Tables& tables, const Points& p, Shaded& out) {
   const Floats cosine = floats_at(out.coat_cosine), roughness = floats_at(out.coat_roughness);
   const Albedo albedo = albedo_at(*tables.albedo, cosine, roughness);
-  const Floats share = floats_at(p.coat) * (kCoatF0 * albedo.scale + albedo.bias);
+  const Floats share = floats_at(p.coat) * (Limits::kCoatF0 * albedo.scale + albedo.bias);
   const Floats below = 1.0F - share;
   floats_at(out.below_coat) = below;
   const Environment& e = tables.environment;
@@ -643,7 +638,7 @@ struct Lobe {
 
   /// Returns pi times density times visibility times the cosine of the light.
   [[nodiscard]] Floats value(const Floats& roughness) const {
-    const Floats held = max(roughness, Floats::of(kSmallestRoughness));
+    const Floats held = max(roughness, Floats::of(Limits::kSmallestRoughness));
     const Floats alpha = held * held, squared = alpha * alpha;
     const Floats3 aside = cross(normal, half);
     const Floats along = dot(normal, half);
@@ -663,14 +658,14 @@ inline Floats of_coat(const Floats3& toward, const Floats3& half, const Floats& 
   const Floats3 normal = vector_at(p.coat_normal);
   const Floats cosine = dot(normal, toward), view = floats_at(shaded.coat_cosine);
   const Lobe lobe{normal, half, cosine, view, 1.0F - view * view};
-  const Floats fresnel = kCoatF0 + (1.0F - kCoatF0) * grazing;
+  const Floats fresnel = Limits::kCoatF0 + (1.0F - Limits::kCoatF0) * grazing;
   const Floats share = floats_at(p.coat) * fresnel * lobe.value(floats_at(shaded.coat_roughness));
   return select((cosine > 0.0F) & (floats_at(p.coat) > 0.0F), share, Floats{});
 }
 
 /// Returns pi times density times visibility times the cosine of the light, of white sheen.
 inline Floats of_sheen(const Lobe& lobe, const Floats& roughness) {
-  const Floats held = max(roughness, Floats::of(kSmallestSheenRoughness));
+  const Floats held = max(roughness, Floats::of(Limits::kSmallestSheenRoughness));
   const Floats inverse = 1.0F / (held * held);
   const Floats along = dot(lobe.normal, lobe.half);
   const Floats density =

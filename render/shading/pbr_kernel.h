@@ -17,6 +17,17 @@
 
 namespace lenticule::render::pbr_kernel {
 
+/// Limits holds constants of the model in the precision of either implementation.
+template <class Real>
+struct Limits {
+  static constexpr Real kGrazing = Real(0.02);  ///< cosine below which footprints are not exact
+  static constexpr Real kSmallestCosine = Real(1e-3);       ///< normal maps may turn a normal away
+  static constexpr Real kSmallestRoughness = Real(0.0525);  ///< lights have no size to be mirrored
+  static constexpr Real kSmallestSheenRoughness = Real(0.07);  ///< below, fibres lie in the surface
+  static constexpr Real kMostBend = Real(0.18);  ///< largest square of alpha that the shape adds
+  static constexpr Real kCoatF0 = Real(0.04);    ///< reflectance of a coat, head on
+};
+
 using shading_kernel::kLanes;
 using shading_kernel::Surfaces;
 using texel_kernel::Values;

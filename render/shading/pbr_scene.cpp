@@ -19,6 +19,7 @@
 namespace lenticule::render {
 namespace {
 
+using Limits = pbr_kernel::Limits<double>;
 constexpr double kPi = std::numbers::pi;
 
 double fifth_power(double v) {
@@ -126,7 +127,7 @@ GgxAlbedo integrated_ggx(double cosine, double roughness) {
 
 double integrated_sheen(double cosine, double roughness) {
   constexpr int kHeights = 32, kTurns = 24;
-  const double held = std::max(roughness, kSmallestSheenRoughness);
+  const double held = std::max(roughness, Limits::kSmallestSheenRoughness);
   const LocalVec view{std::sqrt(std::max(0.0, 1.0 - cosine * cosine)), 0.0, cosine};
   double sum = 0.0;
   for (int i = 0; i < kHeights; ++i)
@@ -314,9 +315,7 @@ Vec3 film_f0(double film_ior, double view_cosine, double thickness_nm, Vec3 base
 namespace {
 
 constexpr Vec3 kWhite{1, 1, 1};
-constexpr Vec3 kCoatF0{0.04, 0.04, 0.04};
-/// Normal maps may turn a normal away from the viewer.
-constexpr double kSmallestCosine = 1e-3;
+constexpr Vec3 kCoatF0{Limits::kCoatF0, Limits::kCoatF0, Limits::kCoatF0};
 
 Vec3 mixed(Vec3 a, Vec3 b, double part) {
   return a + (b - a) * part;
@@ -332,7 +331,7 @@ Vec3 mirrored(Vec3 view, Vec3 normal) {
 }
 
 double seen_cosine(Vec3 normal, Vec3 view) {
-  return std::clamp(dot(normal, view), kSmallestCosine, 1.0);
+  return std::clamp(dot(normal, view), Limits::kSmallestCosine, 1.0);
 }
 
 /// Returns the occlusion of mirrored light, which comes from a part of the hemisphere (Lagarde and
@@ -370,7 +369,7 @@ PbrShader::PbrShader(const PbrPoint& point) : point_(point) {
   view_cosine_ = seen_cosine(point.normal, point.view);
   bitangent_ = cross(point.normal, point.tangent);
   local_view_ = {dot(point.tangent, point.view), dot(bitangent_, point.view), view_cosine_};
-  const double held = std::max(point.roughness, kSmallestRoughness);
+  const double held = std::max(point.roughness, Limits::kSmallestRoughness);
   alpha_b_ = held * held;
   alpha_t_ = alpha_b_ + (1.0 - alpha_b_) * point.anisotropy * point.anisotropy;
 
@@ -416,7 +415,7 @@ Vec3 PbrShader::of_light(Vec3 toward_light) const {
     const Vec3 fresnel = schlick(f0_, f90_, dot(point_.view, half));
     sum = (diffuse_ * cosine + fresnel * stronger_ * lobe) * below_sheen_;
     if (sheen_albedo_ > 0.0) {
-      const double rough = std::max(point_.sheen_roughness, kSmallestSheenRoughness);
+      const double rough = std::max(point_.sheen_roughness, Limits::kSmallestSheenRoughness);
       sum += point_.sheen_colour * (kPi * cosine * charlie_distribution(facet.z, rough * rough) *
                                     neubelt_visibility(view_cosine_, cosine));
     }
@@ -424,7 +423,7 @@ Vec3 PbrShader::of_light(Vec3 toward_light) const {
   }
   const double coat_cosine = dot(point_.coat_normal, toward_light);
   if (point_.clearcoat > 0.0 && coat_cosine > 0.0) {
-    const double rough = std::max(point_.clearcoat_roughness, kSmallestRoughness);
+    const double rough = std::max(point_.clearcoat_roughness, Limits::kSmallestRoughness);
     const double alpha = rough * rough;
     const auto along = [](double z) {
       return LocalVec{std::sqrt(std::max(0.0, 1.0 - z * z)), 0.0, z};
@@ -477,9 +476,6 @@ Vec3 PbrShader::transmitted() const {
 
 namespace {
 
-/// Smallest cosine between ray and surface normal for which footprints are projected exactly.
-constexpr double kGrazing = 0.02;
-
 Vec3 colour_of(const MipMaps::Value& value) {
   return {value[0], value[1], value[2]};
 }
@@ -495,7 +491,8 @@ Vec3 perpendicular(Vec3 unit) {
 /// Returns the side of a footprint on the plane with that normal, as the ray sees it.
 Vec3 on_plane(Vec3 side, Vec3 normal, Vec3 direction) {
   double cosine = dot(normal, direction);
-  if (std::abs(cosine) < kGrazing) cosine = cosine < 0.0 ? -kGrazing : kGrazing;
+  if (std::abs(cosine) < Limits::kGrazing)
+    cosine = cosine < 0.0 ? -Limits::kGrazing : Limits::kGrazing;
   return side - direction * (dot(side, normal) / cosine);
 }
 
@@ -866,9 +863,6 @@ const pbr_kernel::Kernel& pbr_kernel_for(Isa isa) {
 
 namespace {
 
-/// Largest square of alpha that the shape adds.
-constexpr double kMostBend = 0.18;
-
 /// Keeps filtered textures from frame to frame of an animation: at most those of the textures that
 /// are in use somewhere.
 std::shared_ptr<const MipMaps> mip_maps_of(const std::shared_ptr<const Texture>& texture,
@@ -1080,7 +1074,7 @@ PbrSurface PbrScene::surface(const Surface& at, Vec3 direction, const SurfacePla
   p.geometric = at.geometric_normal;
   if (m.unlit || p.alpha == 0.0) return out;
   const Vec3 normal = reader.read_mirror(m, inputs, p);
-  const double bend = std::min(place.bend / kPi, kMostBend);
+  const double bend = std::min(place.bend / kPi, Limits::kMostBend);
   p.normal = normalized(normal) * side;
   p.roughness = rougher(p.roughness, bend + spread_of_normals(length(normal)));
   p.coat_normal = place.normal * side;

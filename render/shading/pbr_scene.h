@@ -60,8 +60,6 @@ struct GgxAlbedo {
 [[nodiscard]] double sheen_albedo(double view_cosine, double roughness);
 /// Returns the same table in single precision.
 [[nodiscard]] const pbr_kernel::SheenTable& sheen_albedo_table();
-/// Smallest roughness of sheen: below it, all fibres would lie in the surface.
-inline constexpr double kSmallestSheenRoughness = 0.07;
 
 /// Returns the reflectance, at normal incidence, of a base with reflectance `base_f0` under a thin
 /// film (Belcour and Barla, "A Practical Extension to Microfacet Theory for the Modeling of Varying
@@ -136,9 +134,6 @@ class PbrShader {
   double coat_albedo_ = 0.0;
   double below_coat_ = 1.0;
 };
-
-/// Smallest roughness that lights see: they have no size, so mirrors would not show them.
-inline constexpr double kSmallestRoughness = 0.0525;
 
 /// RayFootprint is the part of a surface that one ray stands for: the sides of a parallelogram
 /// across the ray, in the scene frame.

@@ -165,14 +165,17 @@ int Materials::picture(const JsonAt& texture, TextureContent content) {
     source.wrap_u = wrap_of(samplers[*sampler], "wrapS");
     source.wrap_v = wrap_of(samplers[*sampler], "wrapT");
   }
-  const std::string label = fmt::format("{}: {}", document_.source(), image.path());
+  std::string label = fmt::format("{}: {}", document_.source(), image.path());
   const std::vector<JsonAt>& views = document_.list("bufferViews");
   if (const auto view = image.find_index("bufferView", views.size(), "buffer views")) {
     const Bytes bytes = document_.view(*view).bytes;
     return textures_.add(source, [=] { return decode_picture(bytes, label, content); });
   }
   const JsonAt uri = image.at("uri");
-  if (!is_data_uri(uri.text())) source.name = uri.text();
+  if (!is_data_uri(uri.text())) {
+    source.name = uri.text();
+    label += ", " + source.name;
+  }
   return textures_.add(source, [&document = document_, uri, label, content] {
     return decode_picture(document.read_uri(uri), label, content);
   });

@@ -134,6 +134,10 @@ TEST_F(ModelFiles, AGltfReadsItsBufferAndPictureBesideIt) {
   const SceneDescription scene = load_scene(write("model.gltf", whole.dump()));
   EXPECT_THAT(scene.textures, SizeIs(1)) << ::testing::PrintToString(scene.notes);
   EXPECT_THAT(scene.meshes.at(0).positions, SizeIs(4));
+  std::vector<uint8_t> cut = test::small_png();
+  cut.resize(cut.size() / 2);
+  write("two words.png", cut);
+  EXPECT_THAT(load_scene(folder_ / "model.gltf").notes, ElementsAre(HasSubstr("two%20words.png")));
 }
 
 // ---- materials
