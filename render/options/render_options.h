@@ -204,41 +204,6 @@ struct SoftLight {
 /// and if both occlusion and environment samples are requested.
 void validate(const SoftLight& soft);
 
-/// ReuseOptions are those of the methods that reuse points. The defaults were chosen by measurement
-/// (`lenticule bench reuse`); the alternatives exist for comparison.
-struct ReuseOptions {
-  /// Reconstruction selects the way in which a subpixel gets its colour from points seen through
-  /// another lens.
-  enum class Reconstruction {
-    Chords,   ///< interpolates between the points on both sides of the ray, if they belong together
-    Nearest,  ///< takes the colour of the nearest point
-  };
-  Reconstruction reconstruction = Reconstruction::Chords;
-  /// Every key_every-th micro-image is traced completely, and those between are made from the
-  /// traced ones on both sides. 0: each micro-image is made from the one before it, even if that
-  /// one was not traced.
-  int key_every = 2;
-  bool occlusion = true;  ///< the nearest point or chord wins and occludes the others
-  /// Largest difference in code values between the two points of a chord, or between the two
-  /// neighbours.
-  float agreement = 16.0F;
-  /// Largest difference in code values between the two neighbours whose mean is taken; above it,
-  /// the subpixel is traced.
-  float mean_agreement = 16.0F;
-};
-
-/// Returns the most literal reading of the paper: each micro-image is made from the one before it,
-/// every point goes to the nearest subpixel, there is no occlusion, and any two colours are
-/// averaged.
-[[nodiscard]] inline ReuseOptions literal_reuse() {
-  ReuseOptions reuse;
-  reuse.reconstruction = ReuseOptions::Reconstruction::Nearest;
-  reuse.key_every = 0;
-  reuse.occlusion = false;
-  reuse.agreement = reuse.mean_agreement = 255.0F;
-  return reuse;
-}
-
 /// Prefilter selects the subpixels that are averaged over their footprint; all others are sampled
 /// with one ray through the centre.
 enum class Prefilter {
@@ -275,7 +240,6 @@ struct RenderOptions {
   /// (docs/render/rendering.md). Off by default, since benchmarks render the same frame repeatedly.
   bool copy_unchanged = false;
   bool tiles_backwards = false;  ///< order of the tiles, for tests: the bytes do not depend on it
-  ReuseOptions reuse{};          ///< options of the methods that reuse points
   bool keep_missing = false;     ///< fill Method::missing_subpixels()
   bool measure_work = false;     ///< fill RenderStatistics::work; costs some percent of time
   /// Called between tiles; returning true ends the frame early (then RenderStatistics::completed is

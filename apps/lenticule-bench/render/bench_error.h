@@ -30,7 +30,6 @@ struct ErrorEntrant {
   std::optional<double> tolerated;  ///< E in code values; none if the method has no such option
   double proven_rmse = 0.0;         ///< 0: none
   bool exists = true;               ///< available in this build
-  render::ReuseOptions reuse{};
 };
 
 /// Returns "full" first, even if it is not in `methods`, then the others in their order. `known`

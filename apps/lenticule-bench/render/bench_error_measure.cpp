@@ -249,7 +249,6 @@ class ScenarioRun {
     options.cancelled = [] { return player::interrupted(); };
     if (entrant.tolerated) options.tolerated_error = *entrant.tolerated;
     options.proven_rmse = entrant.proven_rmse;
-    options.reuse = entrant.reuse;
     Contestant& one = contestants_.emplace_back();
     one.entrant = &entrant;
     for (int run = 0; run < setup_.runs; ++run)

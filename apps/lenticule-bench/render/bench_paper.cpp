@@ -32,32 +32,9 @@ namespace lenticule::bench {
 
 namespace {
 
-constexpr std::string_view kLiteral = "-literal";
-
-ErrorEntrant entrant_of(const std::string& name) {
-  ErrorEntrant entrant{.name = name, .method = name, .tolerated = {}};
-  if (!name.ends_with(kLiteral)) return entrant;
-  entrant.method.resize(name.size() - kLiteral.size());
-  entrant.reuse = render::literal_reuse();
-  return entrant;
-}
-
 double sum_of(const nlohmann::json& frames, const char* key) {
   const std::vector<double> values = values_of(frames, key);
   return std::accumulate(values.begin(), values.end(), 0.0);
-}
-
-/// Returns every method of this build, and with "-literal" at the end of their names the literal
-/// readings of the paper's methods: each micro-image from the previous one, every point assigned to
-/// the nearest subpixel.
-const std::vector<std::string>& paper_method_names() {
-  static const std::vector<std::string> names = [] {
-    std::vector<std::string> all = render::method_names();
-    for (const char* of_the_paper : {"lens-view", "interpolate", "hybrid"})
-      all.push_back(std::string(of_the_paper) + std::string(kLiteral));
-    return all;
-  }();
-  return names;
 }
 
 }  // namespace
@@ -178,21 +155,19 @@ std::span<const PublishedQuality> published_quality() {
 namespace {
 
 void print_quality_table(const std::vector<nlohmann::json>& teapot_spans) {
-  for (const char* method : {"hybrid", "hybrid-literal"}) {
-    print_out("table 1: teapot, {} against full\n", method);
-    print_out("  {:>5} {:>10} {:>7} {:>9} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "", "paper's", "",
-              "its", "ours", "", "", "worst", "worst");
-    print_out("  {:>5} {:>10} {:>7} {:>9} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "frame", "\"RMSE\"",
-              "PSNR", "root", "MSE", "RMSE", "PSNR", "channel", "view");
-    bool any = false;
-    for (const PublishedQuality& published : published_quality()) {
-      const nlohmann::json* frame = frame_of(teapot_spans, method, published.frame);
-      if (!frame) continue;
-      print_quality_row(published, *frame);
-      any = true;
-    }
-    if (!any) print_out("  none of its frames were rendered\n");
+  print_out("table 1: teapot, hybrid against full\n");
+  print_out("  {:>5} {:>10} {:>7} {:>9} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "", "paper's", "", "its",
+            "ours", "", "", "worst", "worst");
+  print_out("  {:>5} {:>10} {:>7} {:>9} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "frame", "\"RMSE\"",
+            "PSNR", "root", "MSE", "RMSE", "PSNR", "channel", "view");
+  bool any = false;
+  for (const PublishedQuality& published : published_quality()) {
+    const nlohmann::json* frame = frame_of(teapot_spans, "hybrid", published.frame);
+    if (!frame) continue;
+    print_quality_row(published, *frame);
+    any = true;
   }
+  if (!any) print_out("  none of its frames were rendered\n");
   print_out(
       "  The paper's PSNR agrees with its column if the column is the mean squared error (MSE);\n"
       "  the RMSE is its root. Worst channel and view: RMSE.\n\n");
@@ -200,13 +175,12 @@ void print_quality_table(const std::vector<nlohmann::json>& teapot_spans) {
 
 void print_time_table(const nlohmann::json& summaries) {
   constexpr const char* kRow =
-      "  {:<12} {:>6} {:>8} {:>8} | {:>6} {:>7} {:>8} | {:>6} {:>7} {:>8} | {:>8} {:>7} {:>8} | "
-      "{}\n";
+      "  {:<12} {:>6} {:>8} {:>8} | {:>6} {:>7} | {:>6} {:>7} | {:>8} {:>7} | {}\n";
   print_out("table 2: time saved against full, for whole sequences\n");
-  print_out(kRow, "", "", "full, s", "", "lens-", "view", "", "inter-", "polate", "", "temporal",
-            "hybrid", "", "Tachyon");
-  print_out(kRow, "scene", "frames", "paper", "ours", "paper", "ours", "literal", "paper", "ours",
-            "literal", "ours", "ours", "literal", "Mray/s");
+  print_out(kRow, "", "", "full, s", "", "lens-", "view", "inter-", "polate", "temporal", "hybrid",
+            "Tachyon");
+  print_out(kRow, "scene", "frames", "paper", "ours", "paper", "ours", "paper", "ours", "ours",
+            "ours", "Mray/s");
   for (const nlohmann::json& summary : summaries) {
     const std::string scene = summary["scene"];
     const auto found = std::ranges::find_if(
@@ -221,9 +195,8 @@ void print_time_table(const nlohmann::json& summaries) {
     print_out(kRow, scene, frames, known ? fmt::format("{:.0f}", found->full_s) : "-",
               fmt::format("{:.1f}", (*full)["seconds_per_frame"].get<double>() * frames),
               published(&PublishedTimes::lens_view_s), saved("lens-view"),
-              saved("lens-view-literal"), published(&PublishedTimes::interpolate_s),
-              saved("interpolate"), saved("interpolate-literal"), saved("temporal"),
-              saved("hybrid"), saved("hybrid-literal"), summary.value("tachyon", std::string("-")));
+              published(&PublishedTimes::interpolate_s), saved("interpolate"), saved("temporal"),
+              saved("hybrid"), summary.value("tachyon", std::string("-")));
   }
   print_out(
       "  Ours: seconds per measured frame times the frames of the sequence; a saving below 0\n"
@@ -388,7 +361,8 @@ class PaperRun {
                      .runs = flags_.runs,
                      .first = span.first,
                      .eyes = false};
-    for (const std::string& name : flags_.methods) setup.entrants.push_back(entrant_of(name));
+    for (const std::string& name : flags_.methods)
+      setup.entrants.push_back({.name = name, .method = name, .tolerated = {}});
     size_t renders = 0;
     nlohmann::json measured = measure_error(setup, ErrorScene(span.scene), [&] {
       if (++renders % setup.entrants.size() == 0) frame_done();
@@ -472,7 +446,7 @@ void check(PaperFlags& flags) {
   // The reference is first.
   std::erase(flags.methods, "full");
   flags.methods.insert(flags.methods.begin(), "full");
-  const auto& known = paper_method_names();
+  const auto& known = render::method_names();
   for (const std::string& name : flags.methods)
     if (std::ranges::find(known, name) == known.end())
       throw Error(ErrorKind::Usage, fmt::format("--method '{}': unknown", name),
@@ -485,7 +459,7 @@ cli::Run declare_bench_paper(CLI::App& app) {
   auto flags = std::make_shared<PaperFlags>();
   flags->runs = 3;
   flags->scenes = paper_scenes();
-  flags->methods = paper_method_names();
+  flags->methods = render::method_names();
   app.add_option("--scene", flags->scenes, "a built-in scene; repeatable")->capture_default_str();
   app.add_option("--method", flags->methods, "methods beside full; repeatable")
       ->capture_default_str();

@@ -123,8 +123,8 @@ class PointHistory {
   /// rejected if it lies behind the points beside it, or at the panel's border: it may be visible
   /// through a gap, or be occluded by new content. A point that lies beside its subpixel's ray or
   /// row has the colour of another place: it is rejected if the codes beside it, in its channel,
-  /// differ from it by more than `agreement`.
-  void take(const Tile& tile, float agreement, std::span<Column> columns) const {
+  /// differ from it by more than kAgreement.
+  void take(const Tile& tile, std::span<Column> columns) const {
     for (int lane = 0; lane < tile.rows; ++lane)
       for (int c = 0; c < tile.columns; ++c) {
         Column& column = columns[static_cast<size_t>(c)];
@@ -138,8 +138,7 @@ class PointHistory {
         const double across = point.across / kSteps * far;
         // Near its border, a lens ends elsewhere than the numbers of the lenses say.
         if (std::abs(across) > 0.9 * far) continue;
-        if (!still_ &&
-            (may_be_hidden(row, subpixel, point.z) || !agrees(row, subpixel, point, agreement)))
+        if (!still_ && (may_be_hidden(row, subpixel, point.z) || !agrees(row, subpixel, point)))
           continue;
         column.flag[lane] = reprojection::kProjected;
         column.z[lane] = point.z;
@@ -280,14 +279,14 @@ class PointHistory {
                                : -from_ordered(static_cast<uint32_t>(arrival >> 32));
   }
 
-  [[nodiscard]] bool agrees(int row, int subpixel, const Point& point, float agreement) const {
+  [[nodiscard]] bool agrees(int row, int subpixel, const Point& point) const {
     const auto differs = [&](int other_row, int other, int8_t off) {
       const float z = depth(other_row, other);
       if (!std::isfinite(z)) return false;
       const uint64_t arrival = arrived_[index(other_row, other)].load(std::memory_order_relaxed);
       const int beside = last_[static_cast<size_t>(arrival & 0xFFFFFFFFU)].code;
       const double steps = std::min(1.0, 2.0 * std::abs(off) / kSteps);
-      return steps * std::abs(beside - point.code) > double{agreement};
+      return steps * std::abs(beside - point.code) > double{kAgreement};
     };
     // Neighbours of the same channel, nearest to the lens's slant.
     const int left = 3 * static_cast<int>(std::lround(slant_step_ / 3.0));
@@ -447,7 +446,7 @@ class ReuseMethod final : public Method {
     if (reuse_ == Reuse::LensView) return sweep.lens_view();
     if (reuse_ == Reuse::Interpolate) return sweep.interpolate();
     if (follows) {
-      history_->take(tile, options_.reuse.agreement, sweep.columns());
+      history_->take(tile, sweep.columns());
       if (reuse_ == Reuse::Hybrid) sweep.fill_from_neighbours();
       sweep.note_empty();
       if (number_ % 2 == 1) sweep.fill_with_means();

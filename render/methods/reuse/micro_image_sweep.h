@@ -91,6 +91,10 @@ class LensNumbers {
   std::vector<Line> lines_;  ///< [row][channel], if straight_
 };
 
+/// Largest difference in code values between the points of a chord, or between two neighbours.
+/// Chosen by measurement.
+inline constexpr float kAgreement = 16.0F;
+
 /// SweepPlan holds the data that depends on the rig only. Thread safety: immutable, usable from any
 /// thread.
 struct SweepPlan {
@@ -100,19 +104,17 @@ struct SweepPlan {
         packets(model, tiles, options.isa),
         lenses(model, tiles),
         kernel(LENTICULE_SELECT_KERNEL(options.isa, kReprojectionKernel)),
-        rules(rules_of(options.reuse, model.rig())),
+        rules(rules_of(model.rig())),
         centre(model, {}) {}
   SweepPlan(const SweepPlan&) = delete;
   SweepPlan& operator=(const SweepPlan&) = delete;
 
-  static reprojection::Rules rules_of(const ReuseOptions& reuse, const optics::Rig& rig) {
+  static reprojection::Rules rules_of(const optics::Rig& rig) {
     const double gap_mm = rig.sheet.gap.value;
     return {
-        .occlusion = reuse.occlusion,
         .steepest = 4.0F,
-        .agreement = reuse.agreement,
+        .agreement = kAgreement,
         .slot_tan = gap_mm > 0.0 ? static_cast<float>(rig.panel.pixel_width.value / gap_mm) : 0.0F,
-        .within = 0.5F,
         .one_side = true};
   }
 
@@ -131,7 +133,6 @@ class MicroImageSweep {
   /// Lifetime: `plan` must outlive the object.
   MicroImageSweep(const SweepPlan& plan, const RenderOptions& options)
       : plan_(plan),
-        options_(options.reuse),
         maker_(plan.packets),
         tracer_(options),
         packets_(kPacketsAtOnce),
@@ -179,7 +180,7 @@ class MicroImageSweep {
   void fill_from_neighbours() {
     join_all();
     each_empty(1, 0, [&](int column, Lanes& lanes) {
-      project(column, lanes, neighbours_of(column));
+      project(column, lanes, neighbours_of(column, 1));
       note_missing(column, lanes);
     });
   }
@@ -235,12 +236,12 @@ class MicroImageSweep {
     alignas(64) Lanes right;
     alignas(64) std::array<float, kPacket> part;
   };
-  [[nodiscard]] Sides neighbours_of(int column) const {
+  [[nodiscard]] Sides neighbours_of(int column, int step) const {
     Sides sides;
     for (size_t r = 0; r < kPacket; ++r) {
       const int lens = columns_[static_cast<size_t>(column)].lens[r];
-      sides.left[r] = lens - 1;
-      sides.right[r] = lens + 1;
+      sides.left[r] = lens - step;
+      sides.right[r] = lens + step;
       sides.part[r] = 0.5F;
     }
     return sides;
@@ -304,25 +305,6 @@ class MicroImageSweep {
       if (empty_lanes(column, step, first, lanes)) act(column, lanes);
   }
   void sweep(int step, int first) {
-    if (options_.key_every == 0)
-      sweep_chain(step, first);
-    else
-      sweep_between_keys(step, first);
-  }
-  /// Goes from left to right, so that the preceding micro-image is always complete.
-  void sweep_chain(int step, int first) {
-    alignas(64) Lanes lanes, keys;
-    for (int column = 0; column < tile_.columns; ++column) {
-      if (empty_lanes(column, step, first, lanes)) {
-        take_keys(column, step, lanes, keys);
-        trace(column, keys);
-        make(column, step, lanes);
-        flush();
-      }
-      join(column);
-    }
-  }
-  void sweep_between_keys(int step, int first) {
     each_empty(step, first, [&](int column, Lanes& lanes) {
       alignas(64) Lanes keys;
       take_keys(column, step, lanes, keys);
@@ -336,52 +318,26 @@ class MicroImageSweep {
   /// Fills lanes from other micro-images, and traces those that stay empty.
   void make(int column, int step, const Lanes& lanes) {
     if (!any(lanes)) return;
-    Sides sides;
-    sides_of(column, step, lanes, sides);
-    project(column, lanes, sides);
+    project(column, lanes, neighbours_of(column, step));
     note_missing(column, lanes);
     trace(column, lanes);
   }
-  /// Returns the distance to the fully traced micro-image on the left, in micro-images of the step,
-  /// which is 1 or 2.
-  [[nodiscard]] int beyond_key(int lens, int step) const {
-    constexpr int kPositive = 1 << 30;  // lenses left of the centre have negative numbers
-    const auto index = static_cast<uint32_t>((lens >> (step - 1)) + kPositive);
-    const auto every = static_cast<uint32_t>(options_.key_every);
-    return static_cast<int>((every & (every - 1)) == 0 ? index & (every - 1) : index % every);
-  }
+  /// Returns true for a micro-image that is traced completely: every other one of the step, which
+  /// is 1 or 2.
+  static bool is_key(int lens, int step) { return ((lens >> (step - 1)) & 1) == 0; }
   /// Splits lanes into those to trace (`keys`) and those to make from other micro-images.
   void take_keys(int column, int step, Lanes& lanes, Lanes& keys) const {
     const Column& c = columns_[static_cast<size_t>(column)];
     for (size_t r = 0; r < kPacket; ++r) {
-      const bool key =
-          options_.key_every > 0 ? beyond_key(c.lens[r], step) == 0 : c.lens[r] - step < lens_base_;
-      keys[r] = key ? lanes[r] : 0;
+      keys[r] = is_key(c.lens[r], step) ? lanes[r] : 0;
       lanes[r] &= ~keys[r];
     }
   }
-  void sides_of(int column, int step, const Lanes& lanes, Sides& sides) const {
-    const Column& c = columns_[static_cast<size_t>(column)];
-    for (size_t r = 0; r < kPacket; ++r) {
-      const int every = options_.key_every;
-      const int beyond = every > 0 ? beyond_key(c.lens[r], step) : 1;
-      sides.left[r] = c.lens[r] - step * beyond;
-      sides.right[r] = every > 0 && lanes[r] != 0 ? sides.left[r] + step * every : sides.left[r];
-      sides.part[r] = every > 0 ? static_cast<float>(beyond) / static_cast<float>(every) : 0.0F;
-    }
-  }
   void project(int column, const Lanes& lanes, const Sides& sides) {
-    const auto points = options_.reconstruction == ReuseOptions::Reconstruction::Nearest
-                            ? plan_.kernel.nearest
-                            : plan_.kernel.on_chords;
-    Found found;
-    search(points, column, lanes, sides.left, found);
-    if (sides.left != sides.right) {
-      Found other;
-      search(points, column, lanes, sides.right, other);
-      plan_.kernel.merge(other, sides.part.data(), plan_.rules, found);
-    }
-
+    Found found, other;
+    search(plan_.kernel.on_chords, column, lanes, sides.left, found);
+    search(plan_.kernel.on_chords, column, lanes, sides.right, other);
+    plan_.kernel.merge(other, sides.part.data(), plan_.rules, found);
     plan_.kernel.put(found, lanes.data(), reprojection::kProjected,
                      columns_[static_cast<size_t>(column)]);
   }
@@ -400,13 +356,12 @@ class MicroImageSweep {
   }
   void mean(int column, const Lanes& lanes) {
     Column& c = columns_[static_cast<size_t>(column)];
-    const Sides sides = neighbours_of(column);
+    const Sides sides = neighbours_of(column, 1);
     Found one, other;
     search(plan_.kernel.same_place, column, lanes, sides.left, one);
     search(plan_.kernel.same_place, column, lanes, sides.right, other);
     reprojection::Rules both = plan_.rules;
     both.one_side = false;
-    both.agreement = options_.mean_agreement;
     plan_.kernel.merge(other, sides.part.data(), both, one);
     for (size_t r = 0; r < kPacket; ++r)
       if (one.known[r] != 0) one.z[r] = std::numeric_limits<float>::quiet_NaN();
@@ -483,7 +438,6 @@ class MicroImageSweep {
   }
 
   const SweepPlan& plan_;
-  ReuseOptions options_;
   PrimaryPackets::Maker maker_;
   PacketTracer tracer_;
   const Scene* scene_ = nullptr;

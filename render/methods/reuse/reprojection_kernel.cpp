@@ -110,7 +110,7 @@ inline Masks could_see(const Found& lens, const Found& found) {
 }
 
 void on_chords(const Column* columns, int first, int end, const int32_t* wanted,
-               const Column& target, const Rules& rules, Found& found) {
+               const Column& target, const Rules& /*rules*/, Found& found) {
   const Masks& lens = masks_at(wanted);
   const Floats panel_x = floats_at(target.panel_x);
   const Floats tan = floats_at(target.tan);
@@ -127,8 +127,8 @@ void on_chords(const Column* columns, int first, int end, const int32_t* wanted,
         ((last_off <= 0.0F) & (off >= 0.0F)) | ((last_off >= 0.0F) & (off <= 0.0F));
     const Floats part = last_off / (last_off - off);
     const Floats at = last_z + part * (z - last_z);
-    const Masks here = crosses & masks_at(source.chord) & (masks_at(source.lens) == lens) &
-                       (rules.occlusion ? at > best : masks_at(source.linked));
+    const Masks here =
+        crosses & masks_at(source.chord) & (masks_at(source.lens) == lens) & (at > best);
     choose(here, at, best);
     choose(here, last_code + part * (floats_at(source.code) - last_code), code);
     choose(here, masks_at(source.surface), surface);
@@ -140,48 +140,6 @@ void on_chords(const Column* columns, int first, int end, const int32_t* wanted,
   masks_at(found.known) = known;
   floats_at(found.z) = best;
   floats_at(found.x) = panel_x + tan * best;
-  floats_at(found.code) = code;
-  masks_at(found.surface) = surface;
-}
-
-void nearest(const Column* columns, int first, int end, const int32_t* wanted, const Column& target,
-             const Rules& rules, Found& found) {
-  const Masks& lens = masks_at(wanted);
-  const Floats panel_x = floats_at(target.panel_x);
-  const Floats tan = floats_at(target.tan);
-  Floats best_z = Floats::of(-kFarthest), before = best_z, best_off = Floats::of(kFarthest);
-  Floats code{}, x{}, last_off{}, last_z{};
-  Masks known{}, surface{};
-  see_nothing(found);
-  for (int c = first; c < end; c += kChannels) {
-    const Column& source = columns[c];
-    const Floats& z = floats_at(source.z);
-    const Floats off = floats_at(source.x) - (panel_x + tan * z);
-    const Masks under = masks_at(source.lens) == lens;
-    widen(source, under, found);
-    const Floats slots_off = magnitude(off) / magnitude(z * rules.slot_tan);
-    const Masks here =
-        under & (slots_off <= rules.within) & (rules.occlusion ? z > best_z : slots_off < best_off);
-    choose(here, z, best_z);
-    choose(here, slots_off, best_off);
-    choose(here, floats_at(source.x), x);
-    choose(here, floats_at(source.code), code);
-    choose(here, masks_at(source.surface), surface);
-    known = known | here;
-    const Masks crosses =
-        ((last_off <= 0.0F) & (off >= 0.0F)) | ((last_off >= 0.0F) & (off <= 0.0F));
-    const Floats part = last_off / (last_off - off);
-    const Floats at = last_z + part * (z - last_z);
-    choose(crosses & masks_at(source.linked) & under & (at > before), at, before);
-    last_off = off;
-    last_z = z;
-  }
-  // The distance of a chord's depth from its points' depths is limited by its steepness.
-  if (rules.occlusion)
-    known = known & ~(before > best_z + rules.steepest * magnitude(best_z * rules.slot_tan));
-  masks_at(found.known) = known;
-  floats_at(found.z) = best_z;
-  floats_at(found.x) = x;
   floats_at(found.code) = code;
   masks_at(found.surface) = surface;
 }
@@ -253,7 +211,6 @@ const reprojection::Kernel kReprojectionKernel{.place = place,
                                                .take_hits = take_hits,
                                                .join = join,
                                                .on_chords = on_chords,
-                                               .nearest = nearest,
                                                .same_place = same_place,
                                                .merge = merge,
                                                .put = put};

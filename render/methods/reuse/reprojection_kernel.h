@@ -75,11 +75,9 @@ struct alignas(64) LensMap {
 };
 
 struct Rules {
-  bool occlusion;   ///< the nearest point wins
   float steepest;   ///< largest depth per width of a chord between two points of one surface
   float agreement;  ///< largest difference in codes between points of a chord, or sides
   float slot_tan;   ///< tangent between neighbouring subpixels of one channel
-  float within;     ///< nearest(): largest distance of a point from the ray, in slots
   bool one_side;    ///< points that only one of the two sides can see are used
 };
 
@@ -95,11 +93,6 @@ struct Kernel {
   /// the result is unknown.
   void (*on_chords)(const Column* columns, int first, int end, const int32_t* wanted,
                     const Column& target, const Rules&, Found&);
-  /// Like on_chords with single points: takes the point nearest to the eye among those within
-  /// rules.within slots, unless a chord of one surface lies in front of it. Without occlusion,
-  /// takes the point nearest to the ray.
-  void (*nearest)(const Column* columns, int first, int end, const int32_t* wanted,
-                  const Column& target, const Rules&, Found&);
   /// Takes the code at the same place under another lens: that of the ray nearest in direction,
   /// within half a slot.
   void (*same_place)(const Column* columns, int first, int end, const int32_t* wanted,
