@@ -7,8 +7,12 @@
 #include <sys/mman.h>
 
 #include <cstddef>
+#include <cstdint>
+#include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <new>
+#include <string>
 #include <utility>
 
 namespace lenticule {
@@ -51,6 +55,16 @@ class LargeMemory {
 /// Thread safety: any thread.
 inline void return_free_memory() noexcept {
   static_cast<void>(::malloc_trim(0));
+}
+
+/// Returns the bytes available without swapping, from /proc/meminfo; 0 if unknown.
+inline uint64_t available_memory() {
+  std::ifstream meminfo("/proc/meminfo");
+  for (std::string line; std::getline(meminfo, line);)
+    if (unsigned long long kibibytes = 0;
+        std::sscanf(line.c_str(), "MemAvailable: %llu kB", &kibibytes) == 1)
+      return kibibytes * 1024;
+  return 0;
 }
 
 /// Frames after which a renderer that serves a player calls return_free_memory().

@@ -11,7 +11,6 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
 #include <memory>
 #include <mutex>
 #include <new>
@@ -21,6 +20,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/large_memory.h"
 #include "display/clock.h"
 #include "display/display.h"
 #include "display/scanout_format.h"
@@ -42,12 +42,10 @@ class VirtualFaults {
   virtual ~VirtualFaults() = default;
   /// Returns the delay of this vblank's event. A delay of more than a period makes the player miss
   /// a vblank.
-  [[nodiscard]] virtual Nanoseconds event_delay(uint64_t sequence) noexcept {
-    (void)sequence;
+  [[nodiscard]] virtual Nanoseconds event_delay(uint64_t /*sequence*/) noexcept {
     return Nanoseconds{0};
   }
-  [[nodiscard]] virtual EventFate fate(uint64_t sequence) noexcept {
-    (void)sequence;
+  [[nodiscard]] virtual EventFate fate(uint64_t /*sequence*/) noexcept {
     return EventFate::Deliver;
   }
 };
@@ -237,16 +235,6 @@ inline constexpr int kMinBuffers = 2;
 inline constexpr int kMaxBuffers = 16;
 inline constexpr int kMaxPixels = 32768;  // per side
 
-/// Returns MemAvailable in bytes; 0 if the kernel does not report it.
-inline uint64_t available_memory() {
-  std::ifstream file("/proc/meminfo");
-  for (std::string line; std::getline(file, line);)
-    if (unsigned long long kibibytes = 0;
-        std::sscanf(line.c_str(), "MemAvailable: %llu kB", &kibibytes) == 1)
-      return kibibytes * 1024;
-  return 0;
-}
-
 inline void check_options(const VirtualDisplayOptions& options) {
   const auto& geometry = options.geometry;
   const auto sane = [](int side) { return side >= 1 && side <= kMaxPixels; };
@@ -332,25 +320,13 @@ class VirtualDisplay final : public Display {
 
     VirtualBuffer* const mine = owned(buffer);
     mine->set_state(BufferState::Pending);
-    const uint64_t sequence = timeline_.sequence_at(time) + 1;
-    const Nanoseconds vblank_time = timeline_.time_of(sequence);
-    pending_ = Flip{.buffer = mine,
-                    .id = id,
-                    .sequence = sequence,
-                    .vblank_time = vblank_time,
-                    .event_time = vblank_time + faults_->event_delay(sequence),
-                    .fate = faults_->fate(sequence)};
+    pending_ = Flip{tick_at(timeline_.sequence_at(time) + 1), mine, id};
     return SubmitStatus::Accepted;
   }
 
   [[nodiscard]] bool request_vblank(uint64_t sequence) noexcept override {
     if (unplugged_) return false;
-    const uint64_t wanted = std::max(sequence + 1, timeline_.sequence_at(now()));
-    const Nanoseconds vblank_time = timeline_.time_of(wanted);
-    tick_ = Tick{.sequence = wanted,
-                 .vblank_time = vblank_time,
-                 .event_time = vblank_time + faults_->event_delay(wanted),
-                 .fate = faults_->fate(wanted)};
+    tick_ = tick_at(std::max(sequence + 1, timeline_.sequence_at(now())));
     return true;
   }
 
@@ -375,20 +351,24 @@ class VirtualDisplay final : public Display {
   [[nodiscard]] Nanoseconds now() const noexcept override { return clock_->now(); }
 
  private:
-  struct Flip {
-    VirtualBuffer* buffer = nullptr;
-    uint64_t id = 0;
-    uint64_t sequence = 0;
-    Nanoseconds vblank_time{0};
-    Nanoseconds event_time{0};
-    EventFate fate = EventFate::Deliver;
-  };
   struct Tick {
     uint64_t sequence = 0;
     Nanoseconds vblank_time{0};
     Nanoseconds event_time{0};
     EventFate fate = EventFate::Deliver;
   };
+  struct Flip : Tick {
+    VirtualBuffer* buffer = nullptr;
+    uint64_t id = 0;
+  };
+
+  [[nodiscard]] Tick tick_at(uint64_t sequence) const noexcept {
+    const Nanoseconds vblank_time = timeline_.time_of(sequence);
+    return {.sequence = sequence,
+            .vblank_time = vblank_time,
+            .event_time = vblank_time + faults_->event_delay(sequence),
+            .fate = faults_->fate(sequence)};
+  }
 
   template <typename Event>
   static std::optional<Nanoseconds> event_time(const std::optional<Event>& event) noexcept {

@@ -18,7 +18,6 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <memory>
 #include <new>
@@ -28,6 +27,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/large_memory.h"
 #include "base/unique_fd.h"
 #include "frames/frame_source.h"
 #include "frames/ring/listen_socket.h"
@@ -37,12 +37,6 @@
 #include "optics/trim.h"
 
 namespace lenticule::frames {
-
-enum class RingPrefault {
-  AtStart,  ///< take all memory in open(), so that later there is neither a page fault nor a
-            ///< shortage
-  Lazily,   ///< take a slot's memory when it is first written
-};
 
 struct RingOptions {
   std::filesystem::path socket;  ///< created with mode 0600; our own stale socket is replaced
@@ -61,7 +55,6 @@ struct RingOptions {
   /// recycled from then on and rewind() returns false (RingStatistics::loop_obstacle has the
   /// reason).
   bool keep_for_loop = false;
-  RingPrefault prefault = RingPrefault::AtStart;
 };
 
 struct RingStatistics {
@@ -85,7 +78,7 @@ class RingMemory {
  public:
   /// Throws Error(Usage) for a geometry that no ring can have, Error(Failed) when the ring would
   /// need more than half of the free memory or the kernel refuses.
-  RingMemory(const RingLayout& layout, RingPrefault prefault) : layout_(layout) {
+  explicit RingMemory(const RingLayout& layout) : layout_(layout) {
     refuse_too_much(layout);
     fd_ = create_memory(layout.memory_bytes);
     control_ = Mapping(fd_.get(), 0, layout.slots_offset, PROT_READ | PROT_WRITE);
@@ -95,7 +88,7 @@ class RingMemory {
     if (!pixels_) fail("cannot map the slots");
     ::madvise(pixels_.bytes().data(), pixels_.bytes().size(),
               MADV_HUGEPAGE);  // ignored if not allowed
-    if (prefault == RingPrefault::AtStart) take_pages(fd_.get(), pixels_, layout.memory_bytes);
+    take_pages(fd_.get(), pixels_, layout.memory_bytes);
     write_header(layout, *new (control_.bytes().data()) RingHeader());
     for (int slot = 0; slot < layout.slots; ++slot) new (&table()[slot]) SlotEntry();
   }
@@ -119,19 +112,6 @@ class RingMemory {
 
  private:
   static constexpr size_t kMebibyte = size_t{1} << 20;
-
-  /// Returns the bytes available without swapping, from /proc/meminfo; 0 if unknown.
-  static size_t available_memory() {
-    std::ifstream meminfo("/proc/meminfo");
-    std::string key;
-    size_t kibibytes = 0;
-    std::string unit;
-    while (meminfo >> key >> kibibytes) {
-      if (key == "MemAvailable:") return kibibytes * 1024;
-      std::getline(meminfo, unit);
-    }
-    return 0;
-  }
 
   static std::string mebibytes(size_t bytes) {
     return std::to_string((bytes + kMebibyte - 1) / kMebibyte) + " MiB";
@@ -309,7 +289,7 @@ class RingPlayer final : public FrameSource {
 
   explicit RingPlayer(const RingOptions& options)
       : options_(options),
-        memory_(checked_layout(options), options.prefault),
+        memory_(checked_layout(options)),
         slot_table_(memory_.table(), options.keep_for_loop ? LoopKeeping::On : LoopKeeping::Off),
         listener_(options.socket),
         events_(::epoll_create1(EPOLL_CLOEXEC)) {
