@@ -57,17 +57,8 @@ Isa best_isa() {
 }
 
 const char* isa_name(Isa isa) {
-  switch (isa) {
-    case Isa::Baseline:
-      return "baseline";
-    case Isa::Neon:
-      return "neon";
-    case Isa::Avx2:
-      return "avx2";
-    case Isa::Avx512:
-      return "avx512";
-  }
-  return "unknown";
+  constexpr const char* kNames[] = {"baseline", "neon", "avx2", "avx512"};
+  return kNames[static_cast<size_t>(isa)];
 }
 
 }  // namespace lenticule

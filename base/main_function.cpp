@@ -12,19 +12,8 @@ namespace lenticule {
 namespace {
 
 const char* name_of(ErrorKind kind) {
-  switch (kind) {
-    case ErrorKind::Usage:
-      return "usage";
-    case ErrorKind::Device:
-      return "device";
-    case ErrorKind::Input:
-      return "input";
-    case ErrorKind::Quality:
-      return "quality";
-    case ErrorKind::Failed:
-      break;
-  }
-  return "failed";
+  constexpr const char* kNames[] = {"failed", "usage", "device", "input", "quality"};
+  return kNames[static_cast<size_t>(kind) - 1];
 }
 
 std::string json_line(const Error& error) {

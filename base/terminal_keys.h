@@ -161,40 +161,6 @@ inline int take_count(std::string_view& word) {
   return count;
 }
 
-class ScriptReader {
- public:
-  explicit ScriptReader(const std::string& source) : source_(source) {}
-
-  void read_line(std::string_view line, int number) {
-    line = line.substr(0, line.find('#'));
-    while (!line.empty()) {
-      const size_t start = std::min(line.find_first_not_of(" \t\r"), line.size());
-      line.remove_prefix(start);
-      const size_t end = std::min(line.find_first_of(" \t\r"), line.size());
-      if (end > 0) read_word(line.substr(0, end), number);
-      line.remove_prefix(end);
-    }
-  }
-  std::vector<KeyPress> take() { return std::move(presses_); }
-
- private:
-  void read_word(std::string_view word, int line) {
-    const std::string_view whole = word.substr(0, 40);
-    const int count = take_count(word);
-    const auto press = press_of_word(word);
-    if (count < 1 || !press)
-      throw Error(ErrorKind::Input, fmt::format("{}:{}: unknown key '{}'", source_, line, whole),
-                  "keys are written as left, shift+up, ctrl+right*3, enter, space, escape, u");
-    if (static_cast<size_t>(count) + presses_.size() > size_t{kMaxScriptPresses})
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}:{}: more than {} presses", source_, line, kMaxScriptPresses));
-    presses_.insert(presses_.end(), static_cast<size_t>(count), *press);
-  }
-
-  const std::string& source_;
-  std::vector<KeyPress> presses_;
-};
-
 /// Returns for example "shift+left".
 [[nodiscard]] inline std::string to_string(const KeyPress& press) {
   std::string text;
@@ -210,13 +176,27 @@ class ScriptReader {
 /// cause".
 [[nodiscard]] inline std::vector<KeyPress> parse_key_script(std::string_view text,
                                                             const std::string& source) {
-  ScriptReader reader(source);
+  std::vector<KeyPress> presses;
   for (int line = 1; !text.empty(); ++line) {
-    const size_t end = std::min(text.find('\n'), text.size());
-    reader.read_line(text.substr(0, end), line);
-    text.remove_prefix(std::min(end + 1, text.size()));
+    std::string_view words = take_until(text, '\n');
+    words = words.substr(0, words.find('#'));
+    while (!words.empty()) {
+      std::string_view word = words.substr(0, words.find_first_of(" \t\r"));
+      words.remove_prefix(std::min(word.size() + 1, words.size()));
+      if (word.empty()) continue;
+      const std::string_view whole = word.substr(0, 40);
+      const int count = take_count(word);
+      const auto press = press_of_word(word);
+      if (count < 1 || !press)
+        throw Error(ErrorKind::Input, fmt::format("{}:{}: unknown key '{}'", source, line, whole),
+                    "keys are written as left, shift+up, ctrl+right*3, enter, space, escape, u");
+      if (static_cast<size_t>(count) + presses.size() > size_t{kMaxScriptPresses})
+        throw Error(ErrorKind::Input,
+                    fmt::format("{}:{}: more than {} presses", source, line, kMaxScriptPresses));
+      presses.insert(presses.end(), static_cast<size_t>(count), *press);
+    }
   }
-  return reader.take();
+  return presses;
 }
 
 /// KeyDecoder turns the bytes of a terminal into key presses. Input is untrusted: unknown bytes and
