@@ -98,7 +98,7 @@ TEST(ContentName, SqueezedEyesHaveTheWholePicturesAspect) {
   const FrameGeometry picture{.width = 192, .height = 108};
   const auto aspect = [&](const char* word) {
     const StereoTiles tiles = tiles_of(parse_stereo(word), picture);
-    return arrange_quilt(picture, tiles.layout, false, "film")->shape().aspect;
+    return arrange_quilt(picture, tiles.layout, false, "film")->shape.aspect;
   };
   EXPECT_DOUBLE_EQ(aspect("sbs"), 96.0 / 108.0);
   EXPECT_DOUBLE_EQ(aspect("hsbs"), 192.0 / 108.0);
@@ -192,8 +192,8 @@ TEST(ViewInput, DepthCanBeAtAnySideInThreeSizes) {
       const DepthWindows windows = depth_windows(geometry, layout, "cat");
       auto arranged = arrange_depth(windows.colour.size, windows, {},
                                     {.views = 2, .back = 0.0, .front = 2.0, .in_pixels = true});
-      EXPECT_EQ(arranged->shape().width, 12);
-      EXPECT_EQ(arranged->shape().height, 6);
+      EXPECT_EQ(arranged->shape.width, 12);
+      EXPECT_EQ(arranged->shape.height, 6);
       const FrameView pictures[] = {picture.view()};
       const ViewSet views = arranged->arrange(pictures);
       for (const int row : {0, 5}) {
