@@ -73,11 +73,11 @@ class ExifTags {
   bool big_endian_;
 };
 
-/// Returns the EXIF block of a JPEG file; nothing if there is none, also for damaged or other
-/// files.
-[[nodiscard]] inline std::span<const uint8_t> exif_of_jpeg(std::span<const uint8_t> jpeg) {
-  constexpr uint8_t kMarker = 0xff, kStart = 0xd8, kApp1 = 0xe1, kScan = 0xda;
-  constexpr std::string_view kName("Exif\0\0", 6);
+/// Returns what follows `mark` in the first segment of a JPEG file with that marker and mark;
+/// nothing if there is none before the pixels, also for damaged or other files.
+[[nodiscard]] inline std::span<const uint8_t> jpeg_segment(std::span<const uint8_t> jpeg,
+                                                           uint8_t marker, std::string_view mark) {
+  constexpr uint8_t kMarker = 0xff, kStart = 0xd8, kScan = 0xda;
   if (jpeg.size() < 4 || jpeg[0] != kMarker || jpeg[1] != kStart) return {};
   size_t at = 2;
   while (at + 4 <= jpeg.size() && jpeg[at] == kMarker && jpeg[at + 1] != kScan) {
@@ -89,10 +89,15 @@ class ExifTags {
     if (length < 2 || at + 2 + length > jpeg.size()) return {};
     const std::span<const uint8_t> body = jpeg.subspan(at + 4, length - 2);
     const std::string_view text(reinterpret_cast<const char*>(body.data()), body.size());
-    if (jpeg[at + 1] == kApp1 && text.starts_with(kName)) return body.subspan(kName.size());
+    if (jpeg[at + 1] == marker && text.starts_with(mark)) return body.subspan(mark.size());
     at += 2 + length;
   }
   return {};
+}
+
+/// Returns the EXIF block of a JPEG file; nothing if there is none.
+[[nodiscard]] inline std::span<const uint8_t> exif_of_jpeg(std::span<const uint8_t> jpeg) {
+  return jpeg_segment(jpeg, 0xe1, std::string_view("Exif\0\0", 6));
 }
 
 }  // namespace lenticule::frames

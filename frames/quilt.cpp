@@ -24,6 +24,12 @@ bool sensible_aspect(double aspect) {
   return aspect >= kMinAspect && aspect <= kMaxAspect;
 }
 
+void require_aspect(double aspect, const std::string& context) {
+  if (!sensible_aspect(aspect))
+    throw Error(ErrorKind::Usage, fmt::format("{}: aspect {} is out of range", context, aspect),
+                "the aspect of a view is its width over its height, for example 0.75");
+}
+
 bool sensible_grid(int columns, int rows) {
   return columns >= 1 && rows >= 1 && columns <= kMaxViews && rows <= kMaxViews / columns;
 }
@@ -80,10 +86,7 @@ void check_quilt_layout(const QuiltLayout& layout, const std::string& context) {
   if (layout.views < 0 || layout.views > layout.columns * layout.rows)
     throw Error(ErrorKind::Usage, fmt::format("{}: {} views in a grid of {} x {} tiles", context,
                                               layout.views, layout.columns, layout.rows));
-  if (layout.aspect && !sensible_aspect(*layout.aspect))
-    throw Error(ErrorKind::Usage,
-                fmt::format("{}: aspect {} is out of range", context, *layout.aspect),
-                "the aspect of a view is its width over its height, for example 0.75");
+  if (layout.aspect) require_aspect(*layout.aspect, context);
 }
 
 std::optional<QuiltLayout> quilt_layout_of_name(const std::filesystem::path& file) {
@@ -201,9 +204,7 @@ ViewSet ViewSet::cropped(const ViewCrop& crop) && {
 
 void ViewSet::set_aspect(std::optional<double> aspect, const std::string& name) {
   aspect_ = aspect.value_or(static_cast<double>(width_) / height_);
-  if (aspect && !sensible_aspect(aspect_))
-    throw Error(ErrorKind::Usage, fmt::format("{}: aspect {} is out of range", name, aspect_),
-                "the aspect of a view is its width over its height, for example 0.75");
+  if (aspect) require_aspect(aspect_, name);
 }
 
 ViewSet read_views(const std::vector<std::filesystem::path>& files, const std::string& name,

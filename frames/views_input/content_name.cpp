@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <cmath>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -14,6 +13,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/text.h"
+#include "frames/exif_tags.h"
 #include "optics/json_fields.h"
 
 namespace lenticule::frames {
@@ -141,22 +141,6 @@ namespace {
 /// Tags precede the coded picture; a camera's preview may precede the tags.
 constexpr size_t kHeadBytes = size_t{1} << 20;
 
-/// Returns what follows the mark in the APP3 segment that begins with it; empty if there is none.
-std::span<const uint8_t> descriptor_of(std::span<const uint8_t> head) {
-  constexpr uint8_t kApp3 = 0xE3, kStartOfScan = 0xDA;
-  constexpr std::string_view kMark = "_JPSJPS_";
-  for (size_t at = 2; at + 4 <= head.size() && head[at] == 0xFF;) {
-    const uint8_t marker = head[at + 1];
-    const size_t length = size_t{head[at + 2]} << 8 | head[at + 3];
-    if (marker == kStartOfScan || length < 2 || at + 2 + length > head.size()) return {};
-    const std::span<const uint8_t> payload = head.subspan(at + 4, length - 2);
-    const std::string_view text(reinterpret_cast<const char*>(payload.data()), payload.size());
-    if (marker == kApp3 && text.starts_with(kMark)) return payload.subspan(kMark.size());
-    at += 2 + length;
-  }
-  return {};
-}
-
 }  // namespace
 
 bool is_jps_name(const std::filesystem::path& file) {
@@ -168,7 +152,7 @@ std::optional<StereoLayout> parse_jps_tag(std::span<const uint8_t> head, const s
   constexpr size_t kDescriptorBytes = 6;
   constexpr uint8_t kHalfHeight = 1, kHalfWidth = 2, kLeftFirst = 4;
   constexpr uint8_t kStereoscopic = 1, kBeside = 2, kAbove = 3;
-  const std::span<const uint8_t> descriptor = descriptor_of(head);
+  const std::span<const uint8_t> descriptor = jpeg_segment(head, 0xE3, "_JPSJPS_");
   if (descriptor.size() < kDescriptorBytes) return std::nullopt;
   const uint8_t flags = descriptor[3], layout = descriptor[4], type = descriptor[5];
   if (type != kStereoscopic)
