@@ -468,99 +468,45 @@ class PictureReader {
       input_;  // must follow memory_, which it reads from until destroyed
 };
 
-/// Calls `convert` on each pixel's samples, typed; Out is the number of results per pixel.
-template <class Source, class Target, class Convert>
-void convert_band(const Band& band, int width, Target* out, int per_pixel, Convert convert) {
+/// Converts each pixel's samples to `per_pixel` values: three of `light`, and perhaps `coverage`.
+template <class Source, class Target, class Light, class Coverage>
+void convert_band(const Band& band, int width, int alpha, Target* out, int per_pixel, Light light,
+                  Coverage coverage, Target opaque) {
+  const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
   const auto* in = reinterpret_cast<const Source*>(band.data);
   const size_t pixels = static_cast<size_t>(width) * static_cast<size_t>(band.rows);
-  for (size_t p = 0; p < pixels; ++p, in += band.channels, out += per_pixel) convert(in, out);
+  for (size_t p = 0; p < pixels; ++p, in += band.channels, out += per_pixel) {
+    out[0] = light(in[r]);
+    out[1] = light(in[g]);
+    out[2] = light(in[b]);
+    if (per_pixel > 3) out[3] = alpha >= 0 ? coverage(in[alpha]) : opaque;
+  }
 }
 
-void codes_from_band(const Band& band, int width, uint8_t* out) {
-  const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
-  const auto with = [=](auto code) {
-    return [=](const auto* in, uint8_t* rgb) {
-      rgb[0] = code(in[r]);
-      rgb[1] = code(in[g]);
-      rgb[2] = code(in[b]);
-    };
+/// Converts to bytes: codes of three channels, or of four if they have 8 bits.
+void bytes_from_band(const Band& band, int width, int alpha, int per_pixel, uint8_t* out) {
+  const auto convert = [&]<class Source>(Source, auto code) {
+    convert_band<Source>(band, width, alpha, out, per_pixel, code, code, uint8_t{255});
   };
   switch (band.sample) {
     case Sample::U8:
-      return convert_band<uint8_t>(band, width, out, 3, with([](uint8_t v) { return v; }));
+      return convert(uint8_t{}, [](uint8_t v) { return v; });
     case Sample::U16:
-      return convert_band<uint16_t>(band, width, out, 3, with(code_from_16_bits));
+      return convert(uint16_t{}, code_from_16_bits);
     case Sample::F32:
-      return convert_band<float>(band, width, out, 3,
-                                 with([](float v) { return code_from_linear(v); }));
+      return convert(float{}, [](float v) { return code_from_linear(v); });
   }
 }
 
-void texels_from_band(const Band& band, int width, int alpha, PictureValues values, float* out) {
-  const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
-  const auto with = [=](auto light, auto coverage) {
-    return [=](const auto* in, float* rgba) {
-      rgba[0] = light(in[r]);
-      rgba[1] = light(in[g]);
-      rgba[2] = light(in[b]);
-      rgba[3] = alpha >= 0 ? coverage(in[alpha]) : 1.0f;
-    };
+/// Converts samples of more than 8 bits to four floats.
+void floats_from_band(const Band& band, int width, int alpha, PictureValues values, float* out) {
+  const auto convert = [&]<class Source>(Source, auto light, auto coverage) {
+    convert_band<Source>(band, width, alpha, out, 4, light, coverage, 1.0f);
   };
-  switch (band.sample) {
-    case Sample::U8:
-      break;  // texel_codes_from_band()
-    case Sample::U16: {
-      if (values == PictureValues::Data)
-        return convert_band<uint16_t>(band, width, out, 4,
-                                      with(fraction_of_16_bits, fraction_of_16_bits));
-      return convert_band<uint16_t>(band, width, out, 4,
-                                    with(linear_from_16_bits, fraction_of_16_bits));
-    }
-    case Sample::F32: {
-      const auto same = [](float v) { return v; };
-      return convert_band<float>(band, width, out, 4, with(same, same));
-    }
-  }
-}
-
-void texel_codes_from_band(const Band& band, int width, int alpha, uint8_t* out) {
-  const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
-  convert_band<uint8_t>(band, width, out, 4, [=](const uint8_t* in, uint8_t* rgba) {
-    rgba[0] = in[r];
-    rgba[1] = in[g];
-    rgba[2] = in[b];
-    rgba[3] = alpha >= 0 ? in[alpha] : uint8_t{255};
-  });
-}
-
-PictureInfo probe(std::span<const uint8_t> bytes, const std::string& name) {
-  return PictureReader(bytes, name).info();
-}
-
-void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValues values,
-            PictureSink& sink) {
-  const bool codes = values == PictureValues::Codes;
-  PictureReader reader(bytes, name, !codes);
-  if (values == PictureValues::Data) reader.keep_primaries();
-  PictureInfo info = reader.info();
-  if (!codes) info.pixel_bytes = reader.has_8_bits() ? 4 : 4 * sizeof(float);
-  sink.accept(info);
-  const int width = reader.row_width();
-  const size_t row = info.pixel_bytes * static_cast<size_t>(width);
-  reader.read([&](const Band& band) {
-    for (int done = 0; done < band.rows;) {
-      const std::span<uint8_t> out = sink.rows(band.y + done, band.rows - done);
-      const Band part = band.part(done, static_cast<int>(out.size() / row), width);
-      if (codes)
-        codes_from_band(part, width, out.data());
-      else if (reader.has_8_bits())
-        texel_codes_from_band(part, width, reader.alpha_channel(), out.data());
-      else
-        texels_from_band(part, width, reader.alpha_channel(), values,
-                         reinterpret_cast<float*>(out.data()));
-      done += part.rows;
-    }
-  });
+  const auto same = [](float v) { return v; };
+  if (band.sample == Sample::F32) return convert(float{}, same, same);
+  const bool data = values == PictureValues::Data;
+  convert(uint16_t{}, data ? fraction_of_16_bits : linear_from_16_bits, fraction_of_16_bits);
 }
 
 // --- encoding
@@ -591,37 +537,53 @@ bool write_pixels(OIIO::ImageOutput& output, const FrameView& frame, ImageFormat
   return output.write_image(OIIO::TypeDesc::FLOAT, light_of(frame.bytes).data());
 }
 
-std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format, const std::string& name) {
-  set_up_libraries();
-  std::vector<uint8_t> bytes;
-  OIIO::Filesystem::IOVecOutput memory(bytes);
-  const auto fail = [&](const std::string& cause) {
-    throw Error(ErrorKind::Failed, fmt::format("{}: cannot encode: {}", name, cause));
-  };
-  const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(plugin_name(format));
-  if (!output) fail(fmt::format("this OpenImageIO cannot write {}", plugin_name(format)));
-  output->threads(1);
-  output->set_ioproxy(&memory);
-  const bool done = output->open(name, output_spec(frame.geometry, format)) &&
-                    write_pixels(*output, frame, format) && output->close();
-  if (!done) fail(output->geterror());
-  return bytes;
-}
-
 // --- the codec
 
 class OiioCodec final : public PictureCodec {
  public:
   PictureInfo probe(std::span<const uint8_t> bytes, const std::string& name) const override {
-    return pictures::probe(bytes, name);
+    return PictureReader(bytes, name).info();
   }
   void decode(std::span<const uint8_t> bytes, const std::string& name, PictureValues values,
               PictureSink& sink) const override {
-    pictures::decode(bytes, name, values, sink);
+    const bool codes = values == PictureValues::Codes;
+    PictureReader reader(bytes, name, !codes);
+    if (values == PictureValues::Data) reader.keep_primaries();
+    PictureInfo info = reader.info();
+    if (!codes) info.pixel_bytes = reader.has_8_bits() ? 4 : 4 * sizeof(float);
+    sink.accept(info);
+    const int width = reader.row_width();
+    const size_t row = info.pixel_bytes * static_cast<size_t>(width);
+    reader.read([&](const Band& band) {
+      for (int done = 0; done < band.rows;) {
+        const std::span<uint8_t> out = sink.rows(band.y + done, band.rows - done);
+        const Band part = band.part(done, static_cast<int>(out.size() / row), width);
+        if (codes || reader.has_8_bits())
+          bytes_from_band(part, width, reader.alpha_channel(), codes ? 3 : 4, out.data());
+        else
+          floats_from_band(part, width, reader.alpha_channel(), values,
+                           reinterpret_cast<float*>(out.data()));
+        done += part.rows;
+      }
+    });
   }
   std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,
                               const std::string& name) const override {
-    return pictures::encode(frame, format, name);
+    set_up_libraries();
+    std::vector<uint8_t> bytes;
+    OIIO::Filesystem::IOVecOutput memory(bytes);
+    const auto fail = [&](const std::string& cause) {
+      throw Error(ErrorKind::Failed, fmt::format("{}: cannot encode: {}", name, cause));
+    };
+    const std::unique_ptr<OIIO::ImageOutput> output =
+        OIIO::ImageOutput::create(plugin_name(format));
+    if (!output) fail(fmt::format("this OpenImageIO cannot write {}", plugin_name(format)));
+    output->threads(1);
+    output->set_ioproxy(&memory);
+    const bool done = output->open(name, output_spec(frame.geometry, format)) &&
+                      write_pixels(*output, frame, format) && output->close();
+    if (!done) fail(output->geterror());
+    return bytes;
   }
 };
 
