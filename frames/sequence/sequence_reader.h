@@ -60,9 +60,8 @@ class FrameDecoder {
   /// Checks only the checksums. Returns the same result as decode().
   [[nodiscard]] bool check(uint64_t frame) noexcept {
     if (!read_band_table(fd_, layout_, frame, entries_, table_)) return false;
-    for (const BandEntry& entry : entries_) {
+    for (const BandEntry& entry : entries_)
       if (!read_payload(entry)) return false;
-    }
     return true;
   }
 
@@ -168,8 +167,6 @@ struct SequenceSourceOptions {
   /// Number of frames omitted at the start of the first round; the number of all frames counts as
   /// none.
   uint64_t first = 0;
-  /// A larger file is read without keeping it in the page cache; a smaller file stays in the cache.
-  uint64_t cached_file_bytes = uint64_t{1} << 30;
 };
 
 /// SequenceSource plays the first round from the first frame to the end of the loop, and every
@@ -188,15 +185,16 @@ class SequenceSource final : public DecodedSource {
         frames_(static_cast<const Frames&>(decoding())) {}
 
   [[nodiscard]] const SequenceInfo& info() const { return frames_.info(); }
-  /// Returns the number of damaged frames that were decoded; each of them was replaced.
-  [[nodiscard]] uint64_t damaged_frames() const { return frames_.damaged(); }
-  /// Missing are the frames behind the end of a file that was cut: at least one.
+  /// Every damaged frame that was decoded was replaced. Missing are the frames behind the end of a
+  /// file that was cut: at least one.
   [[nodiscard]] FrameDamage damage() const override {
     const uint64_t damaged = frames_.damaged();
     return {.damaged = damaged, .missing = frames_.missing(), .repeated = damaged};
   }
 
  private:
+  /// A larger file is read without keeping it in the page cache; a smaller file stays in the cache.
+  static constexpr uint64_t kCachedFileBytes = uint64_t{1} << 30;
   static constexpr uint64_t kMaxDistance = 64;  ///< largest distance of a replacement in frames
 
   static uint64_t checked_end(const std::filesystem::path& file,
@@ -218,7 +216,7 @@ class SequenceSource final : public DecodedSource {
         : reader_(file),
           options_(options),
           end_(checked_end(file, options, reader_.frame_count())),
-          spare_cache_(reader_.file_bytes() > options.cached_file_bytes) {
+          spare_cache_(reader_.file_bytes() > kCachedFileBytes) {
       const int threads = std::clamp(options.decoder_threads, 1, kMaxDecoderThreads);
       decoders_.reserve(static_cast<size_t>(threads));
       for (int t = 0; t < threads; ++t) decoders_.push_back(reader_.make_decoder());
@@ -260,13 +258,11 @@ class SequenceSource final : public DecodedSource {
       if (decoder.decode(frame, to.bytes())) return true;
       damaged_.fetch_add(1);
       const uint64_t back = std::min(frame, kMaxDistance);
-      for (uint64_t distance = 1; distance <= back; ++distance) {
+      for (uint64_t distance = 1; distance <= back; ++distance)
         if (decoder.decode(frame - distance, to.bytes())) return true;
-      }
       const uint64_t ahead = std::min(reader_.frame_count() - 1 - frame, kMaxDistance);
-      for (uint64_t distance = 1; distance <= ahead; ++distance) {
+      for (uint64_t distance = 1; distance <= ahead; ++distance)
         if (decoder.decode(frame + distance, to.bytes())) return true;
-      }
       return false;
     }
 

@@ -160,9 +160,8 @@ class SequenceWriter {
     const auto lost = std::find(layout.frames.begin(), layout.frames.end(), uint64_t{0});
     const auto count = static_cast<uint64_t>(lost - layout.frames.begin());
     FrameDecoder decoder(fd, layout);
-    for (uint64_t frame = count - std::min(count, kFramesToCheck); frame < count; ++frame) {
+    for (uint64_t frame = count - std::min(count, kFramesToCheck); frame < count; ++frame)
       if (!decoder.check(frame)) return frame;
-    }
     return count;
   }
 
@@ -301,9 +300,8 @@ class SequenceWriter {
                          .table_checksum = checksum_of(table)},
                         header.bands(), record_);
     record_.insert(record_.end(), table.begin(), table.end());
-    for (const Band& band : bands_) {
+    for (const Band& band : bands_)
       if (!band.repeated) record_.insert(record_.end(), band.payload.begin(), band.payload.end());
-    }
   }
   void sync_now_and_then() {
     const auto now = std::chrono::steady_clock::now();

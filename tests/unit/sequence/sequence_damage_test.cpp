@@ -55,7 +55,7 @@ Played play(const std::filesystem::path& file) {
     if (::poll(&wake, 1, 10000) != 1) break;
     source.service();
   }
-  played.damaged = source.damaged_frames();
+  played.damaged = source.damage().damaged;
   return played;
 }
 

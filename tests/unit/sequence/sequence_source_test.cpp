@@ -73,7 +73,7 @@ TEST_P(SequenceLoops, TenThousandLoopsAreTheExactSequence) {
     ASSERT_EQ(play_round(source), expected) << round;
     ASSERT_TRUE(source.rewind());
   }
-  EXPECT_EQ(source.damaged_frames(), 0u);
+  EXPECT_EQ(source.damage().damaged, 0u);
 }
 
 INSTANTIATE_TEST_SUITE_P(Pools, SequenceLoops,
@@ -157,7 +157,7 @@ TEST(SequenceSource, ContinuesWithTheRemainingFramesIfTheFileIsTruncated) {
     source.release(acquired.token);
   }
   EXPECT_EQ(shown, 40);
-  EXPECT_GT(source.damaged_frames(), 10u);
+  EXPECT_GT(source.damage().damaged, 10u);
 }
 
 /// Returns the damage that is known of a file as soon as it is open.
