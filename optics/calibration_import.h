@@ -74,9 +74,8 @@ inline SubpixelOffset cell_offset(const JsonFields& cell, const std::string& cha
 }
 
 inline std::vector<PixelCell> read_cells(const nlohmann::json& list, const std::string& source) {
-  if (!list.is_array() || list.empty() || list.size() > 64) {
+  if (!list.is_array() || list.empty() || list.size() > 64)
     throw Error(ErrorKind::Input, source + ": subpixelCells: not a list of 1 to 64 cells");
-  }
   std::vector<PixelCell> cells;
   for (const nlohmann::json& item : list) {
     const JsonFields cell(item, source + ": subpixelCells");
@@ -90,18 +89,16 @@ inline SubpixelLayout cell_layout(const JsonFields& file, const nlohmann::json& 
   const std::vector<PixelCell> cells = read_cells(list, file.source());
   const double mode = file.number_or("CellPatternMode", file.number_or("cellPatternMode", 0.0));
   if (!(mode >= 0.0 && mode < static_cast<double>(kCellIndexings.size()) &&
-        mode == std::floor(mode))) {
+        mode == std::floor(mode)))
     file.fail("CellPatternMode", "not one of 0 to 4");
-  }
   const CellIndexing& pattern = kCellIndexings[static_cast<size_t>(mode)];
   std::vector<PixelCell> table;
   for (int j = 0; j < pattern.rows; ++j) {
     // y is any row counted from the bottom that equals row j from the top, modulo the pattern's
     // period.
     const int y = (height_px - 1 - j) % pattern.rows + pattern.rows;
-    for (int i = 0; i < pattern.columns; ++i) {
+    for (int i = 0; i < pattern.columns; ++i)
       table.push_back(cells[static_cast<size_t>(pattern.index(i, y)) % cells.size()]);
-    }
   }
   return SubpixelLayout::cells(pattern.columns, pattern.rows, std::move(table));
 }
@@ -166,13 +163,11 @@ inline void refuse_what_cannot_be_said(const Rig& rig) {
   if (!rig.panel.mounting.upright())
     refuse("panel.mounting", "a picture that is turned after weaving");
   if (!rig.sheet.residual.empty()) refuse("sheet.residual", "a residual map");
-  for (const Subpixels offset : rig.sheet.channel_offset) {
+  for (const Subpixels offset : rig.sheet.channel_offset)
     if (offset.value != 0.0) refuse("sheet.channel_offset_subpx", "offsets per channel");
-  }
   if (rig.sheet.slant == 0.0) refuse("sheet.slant", "upright lenses");
-  if (rig.panel.pixel_width.value != rig.panel.pixel_height.value) {
+  if (rig.panel.pixel_width.value != rig.panel.pixel_height.value)
     refuse("panel.pixel_height_mm", "pixels that are not square");
-  }
 }
 
 /// Refuses values that a rig cannot express: a rig says where light goes, not that pictures are
@@ -288,9 +283,8 @@ inline double centre_subpixels(const Panel& panel, double slope) {
 
 inline ResidualMap read_grid(const JsonFields& file, const nlohmann::json& grid, double interval) {
   ResidualMap map{.columns = kGridColumns, .rows = kGridRows, .lenses = {}};
-  if (!grid.is_array() || grid.size() != kGridColumns * kGridRows) {
+  if (!grid.is_array() || grid.size() != kGridColumns * kGridRows)
     file.fail("grid", "not a list of 11 x 7 values");
-  }
   for (const nlohmann::json& value : grid) {
     if (!value.is_number()) file.fail("grid", "a value is not a number");
     map.lenses.push_back(value.get<double>() / interval);
@@ -320,9 +314,8 @@ inline const nlohmann::json& cubevi_numbers(const nlohmann::json& document) {
   rig.panel.width_px = file.count("width", kMaxPanelPixels);
   rig.panel.height_px = file.count("height", kMaxPanelPixels);
   rig.panel.layout = SubpixelLayout::named(file.text_or("pixel_order", "rgb"));
-  if (rig.panel.layout.name() != "rgb" && rig.panel.layout.name() != "bgr") {
+  if (rig.panel.layout.name() != "rgb" && rig.panel.layout.name() != "bgr")
     file.fail("pixel_order", "not rgb or bgr");
-  }
   const bool knows_size = file.find("pixel_mm") != nullptr;
   rig.panel.pixel_width = rig.panel.pixel_height =
       Millimetres(file.number_or("pixel_mm", kAssumedPixelMm));
@@ -334,9 +327,8 @@ inline const nlohmann::json& cubevi_numbers(const nlohmann::json& document) {
   const double gap_subpx = values.number_or(
       "kx1", interval / (2.0 * std::tan(kAssumedConeDegrees * std::numbers::pi / 360.0)));
   rig.sheet.gap = Millimetres(gap_subpx * rig.panel.pixel_width.value / 3.0);
-  if (const nlohmann::json* grid = file.find("grid")) {
+  if (const nlohmann::json* grid = file.find("grid"))
     rig.sheet.residual = read_grid(file, *grid, interval);
-  }
   rig.provenance = {{"source", foreign_text(source)},
                     {"imported_from", "CubeVi values"},
                     {"pitch", "effective, reference distance unknown"}};
@@ -354,19 +346,15 @@ inline const nlohmann::json& cubevi_numbers(const nlohmann::json& document) {
   };
   const Panel& panel = rig.panel;
   if (!panel.mounting.upright()) refuse("panel.mounting", "a picture that is turned after weaving");
-  if (panel.layout.name() != "rgb" && panel.layout.name() != "bgr") {
+  if (panel.layout.name() != "rgb" && panel.layout.name() != "bgr")
     refuse("panel.layout", "neither rgb nor bgr");
-  }
-  if (panel.pixel_width.value != panel.pixel_height.value) {
+  if (panel.pixel_width.value != panel.pixel_height.value)
     refuse("panel.pixel_height_mm", "pixels that are not square");
-  }
-  for (const Subpixels offset : rig.sheet.channel_offset) {
+  for (const Subpixels offset : rig.sheet.channel_offset)
     if (offset.value != 0.0) refuse("sheet.channel_offset_subpx", "offsets per channel");
-  }
   const ResidualMap& residual = rig.sheet.residual;
-  if (!residual.empty() && (residual.columns != kGridColumns || residual.rows != kGridRows)) {
+  if (!residual.empty() && (residual.columns != kGridColumns || residual.rows != kGridRows))
     refuse("sheet.residual", "a residual map that is not 11 x 7");
-  }
   const EffectiveSheet sheet = effective_sheet(rig);
   const double interval = sheet.pitch.value;
   const double x0 = without_whole_lenses(sheet.offset.value + 0.5 -

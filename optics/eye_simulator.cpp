@@ -28,9 +28,8 @@ double srgb_of_linear(double v) {
 class Transfer {
  public:
   Transfer() {
-    for (size_t code = 0; code < linear_.size(); ++code) {
+    for (size_t code = 0; code < linear_.size(); ++code)
       linear_[code] = static_cast<float>(linear_of_srgb(static_cast<double>(code) / 255.0));
-    }
     for (size_t step = 0; step < code_.size(); ++step) {
       const double linear = static_cast<double>(step) / static_cast<double>(code_.size() - 1);
       code_[step] = static_cast<uint8_t>(std::lround(255.0 * srgb_of_linear(linear)));
@@ -137,9 +136,8 @@ Look look_through(const OpticalModel& model, const Eye& eye, double x_px, double
   const Vec2 apex{panel.x_mm(apex_px), panel.y_mm(y_px)};
   const Vec2 seen = apex - model.refraction_shift_mm(apex, eye);
   const double column = std::floor(panel.x_px(seen.x)), row = std::floor(panel.y_px(seen.y));
-  if (!(column >= 0 && column < panel.width_px && row >= 0 && row < panel.height_px)) {
+  if (!(column >= 0 && column < panel.width_px && row >= 0 && row < panel.height_px))
     return {0.0, 0, 0, false};
-  }
   return {static_cast<double>(place.lens), static_cast<int>(column), static_cast<int>(row), true};
 }
 
@@ -180,8 +178,7 @@ RgbPicture simulate_eye(const OpticalModel& model, RgbView woven, const Eye& eye
   const Panel& panel = rig.panel;
   check_frame(panel, woven);
   check_eye(eye);
-  const double sigma =
-      options.spot_sigma_lenses >= 0.0 ? options.spot_sigma_lenses : rig.sheet.spot_sigma.value;
+  const double sigma = rig.sheet.spot_sigma.value;
   const Transfer transfer;
   const LensSpot spot(model, std::min(sigma, 1.0), transfer);
   PhaseRows phases(model, eye);
@@ -200,9 +197,8 @@ RgbPicture simulate_eye(const OpticalModel& model, RgbView woven, const Eye& eye
       if (!look.on_panel) continue;  // black beyond the edge of the panel
       const uint8_t* pixels = woven.pixels + static_cast<size_t>(look.row) * woven.stride_bytes;
       const std::vector<double>& phase = phases.row(look.row);
-      for (int c = 0; c < 3; ++c) {
+      for (int c = 0; c < 3; ++c)
         out[c] = transfer.code(spot.light(pixels, phase, look.column, c, look.lens));
-      }
     }
   }
   return picture;

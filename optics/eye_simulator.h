@@ -28,8 +28,6 @@ struct EyeOptions {
   /// Output size; 0 = half of the panel's pixel grid.
   int width = 0;
   int height = 0;
-  /// Lens spot sigma in lenses; negative = the rig's value.
-  double spot_sigma_lenses = -1.0;
 };
 
 /// Returns the picture that `eye` sees. Samples the plane of the lenses on a regular grid. Each

@@ -77,9 +77,8 @@ ResidualSpline::ResidualSpline(const ResidualMap& map, int width_px, int height_
   knots_per_px_x_ = (columns_ - 1.0) / width_px;
   knots_per_px_y_ = (rows_ - 1.0) / height_px;
   coefficients_.reserve(static_cast<size_t>((columns_ + 1) * (rows_ + 1)) * 16);
-  for (int row = -1; row < rows_; ++row) {
+  for (int row = -1; row < rows_; ++row)
     for (int column = -1; column < columns_; ++column) append_cell(map, column, row, coefficients_);
-  }
 }
 
 ResidualSpline::Value ResidualSpline::at(double x_px, double y_px) const {

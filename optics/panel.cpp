@@ -116,20 +116,17 @@ SubpixelLayout SubpixelLayout::named(const std::string& name) {
 }
 
 SubpixelLayout SubpixelLayout::cells(int columns, int rows, std::vector<PixelCell> cells) {
-  if (columns < 1 || rows < 1 || columns > kMaxCellsPerSide || rows > kMaxCellsPerSide) {
+  if (columns < 1 || rows < 1 || columns > kMaxCellsPerSide || rows > kMaxCellsPerSide)
     throw Error(ErrorKind::Input, "subpixel layout: columns and rows must be 1 to 64");
-  }
   const size_t expected = static_cast<size_t>(columns) * static_cast<size_t>(rows);
   if (cells.size() != expected) {
     throw Error(ErrorKind::Input, "subpixel layout: " + std::to_string(cells.size()) +
                                       " cells where columns * rows = " + std::to_string(expected));
   }
   for (const PixelCell& cell : cells) {
-    for (const SubpixelOffset& offset : cell) {
-      if (!is_sane(offset)) {
+    for (const SubpixelOffset& offset : cell)
+      if (!is_sane(offset))
         throw Error(ErrorKind::Input, "subpixel layout: an offset is not within -2 to 2 pixels");
-      }
-    }
   }
   return {"cells", columns, rows, std::move(cells)};
 }

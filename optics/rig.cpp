@@ -9,7 +9,7 @@
 
 #include <algorithm>
 #include <bit>
-#include <string_view>
+#include <nlohmann/json.hpp>
 
 #include "base/error.h"
 
@@ -94,11 +94,10 @@ Problem residual_problem(const ResidualMap& map, const Panel& panel, double pitc
 
 Problem sheet_problem(const LensSheet& sheet, const Panel& panel) {
   const auto channels = [&]() -> Problem {
-    for (const Subpixels offset : sheet.channel_offset) {
+    for (const Subpixels offset : sheet.channel_offset)
       if (Problem p = outside("sheet.channel_offset_subpx", offset.value,
                               -kMaxChannelOffsetSubpixels, kMaxChannelOffsetSubpixels))
         return p;
-    }
     return {};
   };
   return first_of(
@@ -130,9 +129,8 @@ Problem viewing_problem(const ViewingLine& viewing, const LensSheet& sheet) {
     p->remedy = "write inf for parallel viewing zones";
     return p;
   }
-  if (z < sheet.gap.value) {
+  if (z < sheet.gap.value)
     return RigProblem{"viewing.distance_mm", "smaller than the thickness of the sheet", {}};
-  }
   return {};
 }
 
@@ -160,9 +158,8 @@ Problem geometry_problem(const Rig& rig) {
   const double straight = shift_to_centre + half_lens;
   // Coupling is how much the y shift, which also changes with the eye's x, counteracts the x shift.
   const double coupling = slope * edge_y * kappa * straight / room(straight);
-  if (room(straight) > 0.0 && !(coupling <= 0.5 && edge_x <= 1e3 && edge_y <= 1e3)) {
+  if (room(straight) > 0.0 && !(coupling <= 0.5 && edge_x <= 1e3 && edge_y <= 1e3))
     return RigProblem{"viewing.distance_mm", "too small for a panel of this size and slant", {}};
-  }
   // The coupling and a residual map both widen a lens in terms of the shift.
   const double bend = sheet.residual.empty() ? 1.0 : 1.0 + 2.5 * kMaxResidualSlope;
   if (!(room(straight) > 0.0 &&
@@ -174,40 +171,22 @@ Problem geometry_problem(const Rig& rig) {
   return {};
 }
 
-bool is_continuation(unsigned char byte) {
-  return (byte & 0xC0) == 0x80;
-}
-
-/// Returns the length of the UTF-8 sequence at the start of `text`, 0 if there is none (overlong
-/// forms, surrogates, and control characters, tab and newline included, count as none).
-size_t utf8_length(std::string_view text) {
-  const auto at = [&](size_t i) {
-    return i < text.size() ? static_cast<unsigned char>(text[i]) : static_cast<unsigned char>(0);
+/// Returns true for UTF-8 without control characters other than tabs and line ends.
+bool is_plain_text(const std::string& text) {
+  const auto is_control = [](unsigned char c) {
+    return (c < 0x20 && c != '\t' && c != '\n') || c == 0x7F;
   };
-  const unsigned char lead = at(0);
-  if (lead < 0x80) return (lead >= 0x20 && lead != 0x7F) || lead == '\t' || lead == '\n' ? 1 : 0;
-  size_t length = 0;
-  if (lead >= 0xC2 && lead <= 0xDF) length = 2;
-  if (lead >= 0xE0 && lead <= 0xEF) length = 3;
-  if (lead >= 0xF0 && lead <= 0xF4) length = 4;
-  for (size_t i = 1; i < length; ++i) {
-    if (!is_continuation(at(i))) return 0;
+  if (std::any_of(text.begin(), text.end(), is_control)) return false;
+  try {
+    return !nlohmann::json(text).dump().empty();  // checks the encoding
+  } catch (const nlohmann::json::exception&) {
+    return false;
   }
-  const unsigned char second = at(1);
-  if ((lead == 0xE0 && second < 0xA0) || (lead == 0xED && second > 0x9F) ||
-      (lead == 0xF0 && second < 0x90) || (lead == 0xF4 && second > 0x8F)) {
-    return 0;
-  }
-  return length;
 }
 
-Problem text_problem(const std::string& key, std::string_view text) {
+Problem text_problem(const std::string& key, const std::string& text) {
   if (text.size() > kMaxTextBytes) return RigProblem{key, "longer than 4096 bytes", {}};
-  while (!text.empty()) {
-    const size_t length = utf8_length(text);
-    if (length == 0) return RigProblem{key, "not printable UTF-8 text", {}};
-    text.remove_prefix(length);
-  }
+  if (!is_plain_text(text)) return RigProblem{key, "not printable UTF-8 text", {}};
   return {};
 }
 
@@ -219,18 +198,16 @@ Problem texts_problem(const Rig& rig) {
                [&] { return text_problem("identity.serial", id.serial); },
                [&] { return text_problem("identity.edid_sha256", id.edid_sha256); });
   if (found) return found;
-  if (rig.provenance.size() > kMaxProvenanceEntries) {
+  if (rig.provenance.size() > kMaxProvenanceEntries)
     return RigProblem{"provenance", "more than 256 entries", {}};
-  }
   for (size_t i = 0; i < rig.provenance.size(); ++i) {
     const auto& [key, text] = rig.provenance[i];
     if (Problem p = text_problem("provenance", key)) return p;
     if (Problem p = text_problem("provenance", text)) return p;
     const auto same = [&key = key](const auto& entry) { return entry.first == key; };
     const auto begin = rig.provenance.begin();
-    if (std::any_of(begin, begin + static_cast<ptrdiff_t>(i), same)) {
+    if (std::any_of(begin, begin + static_cast<ptrdiff_t>(i), same))
       return RigProblem{"provenance", "key '" + key + "' appears twice", {}};
-    }
   }
   return {};
 }
@@ -239,9 +216,8 @@ Problem texts_problem(const Rig& rig) {
 class Hash {
  public:
   void add(uint64_t word) {
-    for (int shift = 0; shift < 64; shift += 8) {
+    for (int shift = 0; shift < 64; shift += 8)
       state_ = (state_ ^ ((word >> shift) & 0xFF)) * 0x100000001B3u;
-    }
   }
   void add(int value) { add(static_cast<uint64_t>(static_cast<int64_t>(value))); }
   void add(double value) { add(std::bit_cast<uint64_t>(value == 0.0 ? 0.0 : value)); }
@@ -289,9 +265,8 @@ std::optional<RigProblem> find_problem(const Rig& rig) {
 }
 
 void validate_rig(const Rig& rig, const std::string& context) {
-  if (const Problem p = find_problem(rig)) {
+  if (const Problem p = find_problem(rig))
     throw Error(ErrorKind::Input, context + ": " + p->key + ": " + p->cause, p->remedy);
-  }
 }
 
 std::string fingerprint(const Rig& rig) {

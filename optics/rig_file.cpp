@@ -11,7 +11,6 @@
 #include <cctype>
 #include <cerrno>
 #include <cstdint>
-#include <cstdio>
 #include <limits>
 #include <optional>
 #include <system_error>
@@ -32,9 +31,8 @@ SubpixelLayout read_cells(const TomlSection& layout) {
   std::vector<PixelCell> cells;
   for (const toml::node& item : layout.array("offsets_px")) {
     const toml::array* list = item.as_array();
-    if (list == nullptr || list->size() != 6) {
+    if (list == nullptr || list->size() != 6)
       layout.fail(item, "a cell is a list of six numbers: red x, y, green x, y, blue x, y");
-    }
     const std::vector<double> v = layout.numbers(*list, "offsets_px");
     cells.push_back({{{v[0], v[1]}, {v[2], v[3]}, {v[4], v[5]}}});
   }
@@ -285,9 +283,8 @@ std::string rig_to_toml(const Rig& rig) {
     out += fmt::format("centre_mm = {}\n", toml_number(rig.viewing.centre.value));
   add_identity(rig.identity, out);
   if (!rig.provenance.empty()) out += "\n[provenance]\n";
-  for (const auto& [key, text] : rig.provenance) {
+  for (const auto& [key, text] : rig.provenance)
     out += fmt::format("{} = {}\n", key_text(key), toml_string(text));
-  }
   return out;
 }
 

@@ -93,9 +93,8 @@ class TomlSection {
     const toml::node& node = get(key);
     const auto* value = node.as_integer();
     if (value == nullptr) fail(node, fmt::format("'{}' is not a whole number", full_name(key)));
-    if (value->get() < low || value->get() > high) {
+    if (value->get() < low || value->get() > high)
       fail(node, fmt::format("'{}' is not within {} to {}", full_name(key), low, high));
-    }
     return value->get();
   }
 
