@@ -18,15 +18,8 @@ enum class Verdict {
 };
 /// Returns "yes", "no" or "cannot tell".
 [[nodiscard]] inline const char* verdict_name(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::Yes:
-      return "yes";
-    case Verdict::No:
-      return "no";
-    case Verdict::Unknown:
-      return "cannot tell";
-  }
-  return "?";
+  constexpr const char* kNames[] = {"yes", "no", "cannot tell"};
+  return kNames[static_cast<size_t>(verdict)];
 }
 
 enum class AuditOutcome {
@@ -38,21 +31,9 @@ enum class AuditOutcome {
   Foreign,   ///< the driver has no value that is known to be neutral
 };
 [[nodiscard]] inline const char* outcome_name(AuditOutcome outcome) {
-  switch (outcome) {
-    case AuditOutcome::Neutral:
-      return "neutral";
-    case AuditOutcome::Forced:
-      return "forced";
-    case AuditOutcome::Planned:
-      return "would be forced";
-    case AuditOutcome::Refused:
-      return "refused";
-    case AuditOutcome::ReadOnly:
-      return "read only";
-    case AuditOutcome::Foreign:
-      return "no neutral value known";
-  }
-  return "?";
+  constexpr const char* kNames[] = {"neutral", "forced",    "would be forced",
+                                    "refused", "read only", "no neutral value known"};
+  return kNames[static_cast<size_t>(outcome)];
 }
 
 struct AuditRow {

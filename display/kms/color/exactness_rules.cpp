@@ -241,15 +241,8 @@ std::optional<uint64_t> depth_value(const ExactnessRule& rule, const Property& p
 }  // namespace
 
 const char* object_name(KmsObject object) {
-  switch (object) {
-    case Connector:
-      return "connector";
-    case Crtc:
-      return "crtc";
-    case Plane:
-      return "plane";
-  }
-  return "?";
+  constexpr const char* kNames[] = {"connector", "crtc", "plane"};
+  return kNames[static_cast<size_t>(object)];
 }
 
 std::span<const ExactnessRule> exactness_rules() {

@@ -6,7 +6,6 @@
 #include <xf86drmMode.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdint>
 #include <cstdlib>
 #include <numeric>
@@ -31,42 +30,29 @@ struct TelevisionMode {
   int clock_mhz_x10 = 0;  ///< pixel clock in units of 100 kHz
 };
 
-// vic, width, height, hertz, pixel clock / 100 kHz
-inline constexpr std::array kTelevisionModes = {
-    TelevisionMode{93, 3840, 2160, 24, 2970},     TelevisionMode{94, 3840, 2160, 25, 2970},
-    TelevisionMode{95, 3840, 2160, 30, 2970},     TelevisionMode{96, 3840, 2160, 50, 5940},
-    TelevisionMode{97, 3840, 2160, 60, 5940},     TelevisionMode{98, 4096, 2160, 24, 2970},
-    TelevisionMode{99, 4096, 2160, 25, 2970},     TelevisionMode{100, 4096, 2160, 30, 2970},
-    TelevisionMode{101, 4096, 2160, 50, 5940},    TelevisionMode{102, 4096, 2160, 60, 5940},
-    TelevisionMode{103, 3840, 2160, 24, 2970},    TelevisionMode{104, 3840, 2160, 25, 2970},
-    TelevisionMode{105, 3840, 2160, 30, 2970},    TelevisionMode{106, 3840, 2160, 50, 5940},
-    TelevisionMode{107, 3840, 2160, 60, 5940},    TelevisionMode{114, 3840, 2160, 48, 5940},
-    TelevisionMode{115, 4096, 2160, 48, 5940},    TelevisionMode{116, 3840, 2160, 48, 5940},
-    TelevisionMode{117, 3840, 2160, 100, 11880},  TelevisionMode{118, 3840, 2160, 120, 11880},
-    TelevisionMode{119, 3840, 2160, 100, 11880},  TelevisionMode{120, 3840, 2160, 120, 11880},
-    TelevisionMode{121, 5120, 2160, 24, 3960},    TelevisionMode{122, 5120, 2160, 25, 3960},
-    TelevisionMode{123, 5120, 2160, 30, 3960},    TelevisionMode{124, 5120, 2160, 48, 7425},
-    TelevisionMode{125, 5120, 2160, 50, 7425},    TelevisionMode{126, 5120, 2160, 60, 7425},
-    TelevisionMode{127, 5120, 2160, 100, 14850},  TelevisionMode{193, 5120, 2160, 120, 14850},
-    TelevisionMode{194, 7680, 4320, 24, 11880},   TelevisionMode{195, 7680, 4320, 25, 11880},
-    TelevisionMode{196, 7680, 4320, 30, 11880},   TelevisionMode{197, 7680, 4320, 48, 23760},
-    TelevisionMode{198, 7680, 4320, 50, 23760},   TelevisionMode{199, 7680, 4320, 60, 23760},
-    TelevisionMode{200, 7680, 4320, 100, 47520},  TelevisionMode{201, 7680, 4320, 120, 47520},
-    TelevisionMode{202, 7680, 4320, 24, 11880},   TelevisionMode{203, 7680, 4320, 25, 11880},
-    TelevisionMode{204, 7680, 4320, 30, 11880},   TelevisionMode{205, 7680, 4320, 48, 23760},
-    TelevisionMode{206, 7680, 4320, 50, 23760},   TelevisionMode{207, 7680, 4320, 60, 23760},
-    TelevisionMode{208, 7680, 4320, 100, 47520},  TelevisionMode{209, 7680, 4320, 120, 47520},
-    TelevisionMode{210, 10240, 4320, 24, 14850},  TelevisionMode{211, 10240, 4320, 25, 14850},
-    TelevisionMode{212, 10240, 4320, 30, 14850},  TelevisionMode{213, 10240, 4320, 48, 29700},
-    TelevisionMode{214, 10240, 4320, 50, 29700},  TelevisionMode{215, 10240, 4320, 60, 29700},
-    TelevisionMode{216, 10240, 4320, 100, 59400}, TelevisionMode{217, 10240, 4320, 120, 59400},
-    TelevisionMode{218, 4096, 2160, 100, 11880},  TelevisionMode{219, 4096, 2160, 120, 11880},
+/// The modes with 2160 lines or more; smaller ones do not need 4:2:0. vic, width, height, hertz,
+/// pixel clock / 100 kHz
+inline constexpr TelevisionMode kTelevisionModes[] = {
+    {93, 3840, 2160, 24, 2970},    {94, 3840, 2160, 25, 2970},     {95, 3840, 2160, 30, 2970},
+    {96, 3840, 2160, 50, 5940},    {97, 3840, 2160, 60, 5940},     {98, 4096, 2160, 24, 2970},
+    {99, 4096, 2160, 25, 2970},    {100, 4096, 2160, 30, 2970},    {101, 4096, 2160, 50, 5940},
+    {102, 4096, 2160, 60, 5940},   {103, 3840, 2160, 24, 2970},    {104, 3840, 2160, 25, 2970},
+    {105, 3840, 2160, 30, 2970},   {106, 3840, 2160, 50, 5940},    {107, 3840, 2160, 60, 5940},
+    {114, 3840, 2160, 48, 5940},   {115, 4096, 2160, 48, 5940},    {116, 3840, 2160, 48, 5940},
+    {117, 3840, 2160, 100, 11880}, {118, 3840, 2160, 120, 11880},  {119, 3840, 2160, 100, 11880},
+    {120, 3840, 2160, 120, 11880}, {121, 5120, 2160, 24, 3960},    {122, 5120, 2160, 25, 3960},
+    {123, 5120, 2160, 30, 3960},   {124, 5120, 2160, 48, 7425},    {125, 5120, 2160, 50, 7425},
+    {126, 5120, 2160, 60, 7425},   {127, 5120, 2160, 100, 14850},  {193, 5120, 2160, 120, 14850},
+    {194, 7680, 4320, 24, 11880},  {195, 7680, 4320, 25, 11880},   {196, 7680, 4320, 30, 11880},
+    {197, 7680, 4320, 48, 23760},  {198, 7680, 4320, 50, 23760},   {199, 7680, 4320, 60, 23760},
+    {200, 7680, 4320, 100, 47520}, {201, 7680, 4320, 120, 47520},  {202, 7680, 4320, 24, 11880},
+    {203, 7680, 4320, 25, 11880},  {204, 7680, 4320, 30, 11880},   {205, 7680, 4320, 48, 23760},
+    {206, 7680, 4320, 50, 23760},  {207, 7680, 4320, 60, 23760},   {208, 7680, 4320, 100, 47520},
+    {209, 7680, 4320, 120, 47520}, {210, 10240, 4320, 24, 14850},  {211, 10240, 4320, 25, 14850},
+    {212, 10240, 4320, 30, 14850}, {213, 10240, 4320, 48, 29700},  {214, 10240, 4320, 50, 29700},
+    {215, 10240, 4320, 60, 29700}, {216, 10240, 4320, 100, 59400}, {217, 10240, 4320, 120, 59400},
+    {218, 4096, 2160, 100, 11880}, {219, 4096, 2160, 120, 11880},
 };
-
-/// Returns the modes with 2160 lines or more; smaller ones do not need 4:2:0.
-[[nodiscard]] inline std::span<const TelevisionMode> television_modes() {
-  return kTelevisionModes;
-}
 
 /// Returns the exact refresh rate: pixel clock over pixels per frame. 0/1 for a mode without
 /// timings.
@@ -93,7 +79,7 @@ inline bool same_mode(const drmModeModeInfo& mode, const TelevisionMode& listed)
 /// Returns true if the mode has the size, rate and pixel clock of one of these, or 1000/1001 of
 /// them.
 [[nodiscard]] inline bool is_one_of(const drmModeModeInfo& mode, std::span<const uint8_t> vics) {
-  return std::any_of(kTelevisionModes.begin(), kTelevisionModes.end(),
+  return std::any_of(std::begin(kTelevisionModes), std::end(kTelevisionModes),
                      [&](const TelevisionMode& listed) {
                        return std::find(vics.begin(), vics.end(), listed.vic) != vics.end() &&
                               same_mode(mode, listed);

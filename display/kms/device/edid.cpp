@@ -361,19 +361,8 @@ bool same_hex(const std::string& a, const std::string& b) {
 }  // namespace
 
 const char* edid_problem_name(EdidProblem problem) {
-  switch (problem) {
-    case EdidProblem::None:
-      return "ok";
-    case EdidProblem::Absent:
-      return "absent";
-    case EdidProblem::Short:
-      return "too short";
-    case EdidProblem::BadHeader:
-      return "not an EDID";
-    case EdidProblem::BadChecksum:
-      return "wrong checksum";
-  }
-  return "?";
+  constexpr const char* kNames[] = {"ok", "absent", "too short", "not an EDID", "wrong checksum"};
+  return kNames[static_cast<size_t>(problem)];
 }
 
 std::vector<PixelSize> EdidReading::native_sizes() const {

@@ -2,8 +2,6 @@
 // SeatSession is a session managed by libseat, which takes the card away and returns it when the
 // user switches virtual terminals.
 #include <fmt/format.h>
-#include <poll.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -64,8 +62,7 @@ class SeatSession final : public Session {
   }
 
   // The seat manager sets and drops DRM master for its sessions.
-  [[nodiscard]] Mastership ensure_master(int fd) noexcept override {
-    (void)fd;
+  [[nodiscard]] Mastership ensure_master(int /*fd*/) noexcept override {
     return dispatch() ? Mastership::Held : Mastership::Denied;
   }
   void drop_master(int fd) noexcept override { (void)fd; }
@@ -77,8 +74,7 @@ class SeatSession final : public Session {
   }
 
  private:
-  static void on_enable(libseat* seat, void* self) noexcept {
-    (void)seat;
+  static void on_enable(libseat* /*seat*/, void* self) noexcept {
     static_cast<SeatSession*>(self)->enabled_ = true;
   }
   // Called from dispatch(), on the thread that commits, so no commit can be in progress.

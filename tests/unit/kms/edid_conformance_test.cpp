@@ -196,7 +196,7 @@ TEST_F(EdidConformance, AgreesWithEdidDecodeOnInstalledEdids) {
 }
 
 TEST_F(EdidConformance, AgreesWithEdidDecodeOnTelevisionModes) {
-  for (const display::TelevisionMode& mode : display::television_modes()) {
+  for (const display::TelevisionMode& mode : display::kTelevisionModes) {
     const auto result = test::run_process({kEdidDecode, "--vic", std::to_string(mode.vic)});
     const std::vector<std::string> lines = lines_of(result.out);
     const auto match = find_line(lines, "(\\d+)x(\\d+) +([\\d.]+) Hz.* ([\\d.]+) MHz");
