@@ -24,7 +24,6 @@
 #include "base/error.h"
 #include "display/clock.h"
 #include "display/kms/color/exactness_audit.h"
-#include "display/kms/color/legacy_gamma.h"
 #include "display/kms/device/connector.h"
 #include "display/kms/device/drm_device.h"
 #include "display/kms/device/drm_properties.h"

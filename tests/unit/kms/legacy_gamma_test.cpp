@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the gamma ramp of drivers that have no gamma property.
-#include "display/kms/color/legacy_gamma.h"
-
 #include <gmock/gmock.h>
 
 #include <cerrno>
 
+#include "display/kms/color/exactness_audit.h"
 #include "display/kms/inspect.h"
 #include "kms_stage.h"
 
