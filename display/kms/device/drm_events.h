@@ -31,12 +31,6 @@ struct DrmEvent {
   uint32_t crtc = 0;      ///< set for flips
 };
 
-class DrmEventHandler {
- public:
-  virtual ~DrmEventHandler() = default;
-  virtual void on_drm_event(const DrmEvent& event) noexcept = 0;
-};
-
 enum class EventRead {
   Ok,         ///< all available events were handled
   Truncated,  ///< an incomplete event was found; the events before it were handled
@@ -51,40 +45,32 @@ bool load(std::span<const uint8_t> bytes, Event& event) noexcept {
   return true;
 }
 
-inline bool handle_flip(std::span<const uint8_t> bytes, DrmEventHandler& handler) noexcept {
-  drm_event_vblank event{};
-  if (!load(bytes, event)) return false;
-  handler.on_drm_event(
-      {.kind = DrmEvent::Kind::Flip,
-       .id = event.user_data,
-       .sequence = event.sequence,
-       .time = std::chrono::seconds(event.tv_sec) + std::chrono::microseconds(event.tv_usec),
-       .crtc = event.crtc_id});
-  return true;
-}
-
-inline bool handle_sequence(std::span<const uint8_t> bytes, DrmEventHandler& handler) noexcept {
-  drm_event_crtc_sequence event{};
-  if (!load(bytes, event)) return false;
-  handler.on_drm_event({.kind = DrmEvent::Kind::Sequence,
-                        .id = event.user_data,
-                        .sequence = event.sequence,
-                        .time = Nanoseconds(event.time_ns)});
-  return true;
-}
-
-/// Parses events that were read.
-[[nodiscard]] inline EventRead parse_drm_events(std::span<const uint8_t> bytes,
-                                                DrmEventHandler& handler) noexcept {
+/// Parses events that were read, and passes them to `handle`, which takes a DrmEvent.
+template <class Handle>
+[[nodiscard]] EventRead parse_drm_events(std::span<const uint8_t> bytes,
+                                         const Handle& handle) noexcept {
   while (!bytes.empty()) {
     drm_event header{};
     if (!load(bytes, header) || header.length < sizeof(header) || header.length > bytes.size())
       return EventRead::Truncated;
     const auto event = bytes.first(header.length);
-    bool whole = true;
-    if (header.type == DRM_EVENT_FLIP_COMPLETE) whole = handle_flip(event, handler);
-    if (header.type == DRM_EVENT_CRTC_SEQUENCE) whole = handle_sequence(event, handler);
-    if (!whole) return EventRead::Truncated;
+    if (header.type == DRM_EVENT_FLIP_COMPLETE) {
+      drm_event_vblank flip{};
+      if (!load(event, flip)) return EventRead::Truncated;
+      handle(DrmEvent{
+          .kind = DrmEvent::Kind::Flip,
+          .id = flip.user_data,
+          .sequence = flip.sequence,
+          .time = std::chrono::seconds(flip.tv_sec) + std::chrono::microseconds(flip.tv_usec),
+          .crtc = flip.crtc_id});
+    } else if (header.type == DRM_EVENT_CRTC_SEQUENCE) {
+      drm_event_crtc_sequence vblank{};
+      if (!load(event, vblank)) return EventRead::Truncated;
+      handle(DrmEvent{.kind = DrmEvent::Kind::Sequence,
+                      .id = vblank.user_data,
+                      .sequence = vblank.sequence,
+                      .time = Nanoseconds(vblank.time_ns)});
+    }
     bytes = bytes.subspan(header.length);
   }
   return EventRead::Ok;
@@ -97,13 +83,14 @@ inline bool readable(int fd) noexcept {
   return poll(&entry, 1, 0) == 1;
 }
 
-/// Reads once, without blocking, and passes every complete event to the handler.
-[[nodiscard]] inline EventRead read_drm_events(int fd, DrmEventHandler& handler) noexcept {
+/// Reads once, without blocking, and passes every complete event to `handle`.
+template <class Handle>
+[[nodiscard]] EventRead read_drm_events(int fd, const Handle& handle) noexcept {
   // A descriptor of the previous player may be in blocking mode, so check before reading.
   if (!readable(fd)) return EventRead::Ok;
   std::array<uint8_t, kReadBytes> buffer;
   const ssize_t count = read(fd, buffer.data(), buffer.size());
-  if (count > 0) return parse_drm_events({buffer.data(), static_cast<size_t>(count)}, handler);
+  if (count > 0) return parse_drm_events({buffer.data(), static_cast<size_t>(count)}, handle);
   if (count < 0 && (errno == EAGAIN || errno == EINTR)) return EventRead::Ok;
   return EventRead::Gone;
 }

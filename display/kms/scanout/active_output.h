@@ -150,8 +150,6 @@ class KmsBuffer final : public ScanoutBuffer {
 /// ScanoutPool holds the dumb buffers that the card scans out, each with the state of its use.
 using ScanoutPool = std::vector<std::unique_ptr<KmsBuffer>>;
 
-/// ActiveOutput is an output that shows frames, with its scan-out buffers. It is opened by taking
-/// over the buffers or the mode of the previous user of the card, or by a modeset.
 struct ActiveOutput {
   std::unique_ptr<KmsOutput> output;
   ScanoutPool buffers;         ///< released before the output
@@ -237,10 +235,7 @@ inline ScanoutPool take_over_buffers(int fd, const KmsOptions& options, ScanoutD
 
 /// Discards events that were meant for the previous player.
 inline void drain_events(int fd) {
-  struct Ignore final : DrmEventHandler {
-    void on_drm_event(const DrmEvent& event) noexcept override { (void)event; }
-  } ignore;
-  for (int i = 0; i < 16; ++i) (void)read_drm_events(fd, ignore);
+  for (int i = 0; i < 16; ++i) (void)read_drm_events(fd, [](const DrmEvent&) {});
 }
 
 /// Returns none, without changing the output, if any part does not match the state.

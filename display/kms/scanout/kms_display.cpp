@@ -118,7 +118,7 @@ CommitFailure classify(int error) noexcept {
 /// busy, replaces lost events by blocking commits and failed ones by modesets, and pauses while
 /// another session owns the card or the output is switched off. Allocates memory only for modesets.
 /// Thread safety: the presenter's thread.
-class PageFlipHandler final : private DrmEventHandler {
+class PageFlipHandler {
  public:
   /// Lifetime: `active`, whose front buffer the handler keeps up to date, and `counters` must
   /// outlive the handler.
@@ -206,7 +206,8 @@ class PageFlipHandler final : private DrmEventHandler {
   }
   /// Call when the card's descriptor is readable.
   void read_events() noexcept {
-    const EventRead result = read_drm_events(active_.output->device().fd(), *this);
+    const EventRead result = read_drm_events(
+        active_.output->device().fd(), [this](const DrmEvent& event) { on_drm_event(event); });
     if (result == EventRead::Truncated) ++counters_.truncated_reads;
     if (result == EventRead::Gone) mark_lost();
   }
@@ -231,7 +232,7 @@ class PageFlipHandler final : private DrmEventHandler {
   [[nodiscard]] bool take_panel_check() noexcept { return std::exchange(panel_check_due_, false); }
 
  private:
-  void on_drm_event(const DrmEvent& event) noexcept override {
+  void on_drm_event(const DrmEvent& event) noexcept {
     if (event.kind == DrmEvent::Kind::Flip) return on_flip_event(event);
     if (!vblanks_.observe(event)) ++counters_.stray_events;
   }

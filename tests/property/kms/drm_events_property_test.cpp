@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <span>
 #include <vector>
 
 #include "display/kms/device/drm_events.h"
@@ -14,10 +15,16 @@ namespace {
 using display::DrmEvent;
 using display::EventRead;
 
-struct Collector final : display::DrmEventHandler {
-  void on_drm_event(const DrmEvent& event) noexcept override { ids.push_back(event.id); }
+struct Collected {
+  EventRead result;
   std::vector<uint64_t> ids;
 };
+Collected collect(std::span<const uint8_t> bytes) {
+  Collected collected{};
+  collected.result = display::parse_drm_events(
+      bytes, [&](const DrmEvent& event) { collected.ids.push_back(event.id); });
+  return collected;
+}
 
 template <typename Event>
 void append(std::vector<uint8_t>& bytes, const Event& event) {
@@ -58,9 +65,9 @@ TEST(DrmEvents, CompleteStreamsAreReadAndUnknownEventsSkipped) {
   for (int round = 0; round < 2000; ++round) {
     std::vector<uint64_t> ids;
     const auto bytes = stream_of(random, ids);
-    Collector collector;
-    EXPECT_EQ(display::parse_drm_events(bytes, collector), EventRead::Ok);
-    EXPECT_EQ(collector.ids, ids);
+    const Collected collected = collect(bytes);
+    EXPECT_EQ(collected.result, EventRead::Ok);
+    EXPECT_EQ(collected.ids, ids);
   }
 }
 
@@ -71,10 +78,9 @@ TEST(DrmEvents, EveryCutGivesAPrefixOfTheEvents) {
     const auto bytes = stream_of(random, ids);
     for (size_t cut = 0; cut < bytes.size(); ++cut) {
       const std::vector<uint8_t> part(bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(cut));
-      Collector collector;
-      (void)display::parse_drm_events(part, collector);
-      ASSERT_LE(collector.ids.size(), ids.size());
-      EXPECT_TRUE(std::equal(collector.ids.begin(), collector.ids.end(), ids.begin()));
+      const Collected collected = collect(part);
+      ASSERT_LE(collected.ids.size(), ids.size());
+      EXPECT_TRUE(std::equal(collected.ids.begin(), collected.ids.end(), ids.begin()));
     }
   }
 }
@@ -84,9 +90,7 @@ TEST(DrmEvents, GarbageTerminates) {
   for (int round = 0; round < 20000; ++round) {
     std::vector<uint8_t> bytes(random() % 200);
     for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random() % 4 == 0 ? random() : 0);
-    Collector collector;
-    (void)display::parse_drm_events(bytes, collector);
-    EXPECT_LE(collector.ids.size(), bytes.size() / sizeof(drm_event_vblank));
+    EXPECT_LE(collect(bytes).ids.size(), bytes.size() / sizeof(drm_event_vblank));
   }
 }
 
