@@ -172,7 +172,6 @@ class OutputPipe {
     return (saved_.empty() || saved_.restore(device_.fd())) && ramp_is_back;
   }
   /// Completes an accepted commit: sets the legacy gamma ramp and updates the report.
-  /// Completes an accepted commit: sets the legacy gamma ramp and updates the report.
   void settle() {
     (void)gamma_.make_linear();  // the report states whether it is linear
     update_report(PipeTables::read(device_.fd(), pipe_.connector.id, pipe_.crtc, pipe_.plane));

@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "display/kms/scanout/vblank_clock.h"
+#include "display/kms/scanout/page_flip.h"
 
 namespace lenticule::test {
 
