@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "scenes/scene_functions.h"
+#include "scenes/scene_list.h"
 #include "scenes/scene_writer.h"
 
 namespace lenticule::scenes {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "scenes/scene_functions.h"
+#include "scenes/scene_list.h"
 #include "scenes/scene_writer.h"
 #include "scenes/teapot_mesh.h"
 

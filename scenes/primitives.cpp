@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "scenes/scene_functions.h"
+#include "scenes/scene_list.h"
 
 namespace lenticule::scenes {
 namespace {

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "scenes/scene_functions.h"
+#include "scenes/scene_list.h"
 
 namespace lenticule::scenes {
 

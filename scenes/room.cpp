@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "scenes/scene_functions.h"
+#include "scenes/scene_list.h"
 #include "scenes/teapot_mesh.h"
 
 namespace lenticule::scenes {

@@ -5,7 +5,7 @@
 
 #include <array>
 
-#include "scenes/scene_functions.h"
+#include "scenes/scene_list.h"
 #include "scenes/scene_writer.h"
 
 namespace lenticule::scenes {
