@@ -159,11 +159,6 @@ inline std::vector<std::string> common_arguments(const WorkFolder& folder,
   return arguments;
 }
 
-/// Returns the text before the first line end, and removes it.
-inline std::string_view next_line(std::string_view& text) {
-  return take_until(text, '\n');
-}
-
 inline std::string_view trimmed(std::string_view text) {
   const size_t begin = text.find_first_not_of(" \t\r");
   if (begin == std::string_view::npos) return {};
@@ -172,13 +167,13 @@ inline std::string_view trimmed(std::string_view text) {
 
 /// Parses what `sbatch --parsable` prints: "123" or "123;cluster".
 [[nodiscard]] inline std::optional<uint64_t> parse_sbatch_id(std::string_view output) {
-  std::string_view line = trimmed(next_line(output));
+  std::string_view line = trimmed(take_until(output, '\n'));
   return number_from<uint64_t>(take_until(line, ';'));
 }
 /// Parses what `scontrol show config` prints; returns Slurm's default without the key.
 [[nodiscard]] inline uint64_t parse_max_array_size(std::string_view output) {
   while (!output.empty()) {
-    std::string_view line = next_line(output);
+    std::string_view line = take_until(output, '\n');
     if (trimmed(take_until(line, '=')) != "MaxArraySize") continue;
     const auto size = number_from<uint64_t>(trimmed(line));
     if (size && *size > 0) return *size;

@@ -7,7 +7,6 @@
 #include <atomic>
 #include <map>
 #include <set>
-#include <system_error>
 #include <thread>
 #include <type_traits>
 
@@ -382,9 +381,7 @@ double folder_time(const fs::path& folder) {
   try {
     const TemporaryFile probe(folder / "now");
     struct stat status {};
-    if (::fstat(probe.fd(), &status) == 0)
-      return static_cast<double>(status.st_mtim.tv_sec) +
-             1e-9 * static_cast<double>(status.st_mtim.tv_nsec);
+    if (::fstat(probe.fd(), &status) == 0) return seconds_of(status.st_mtim);
   } catch (const Error&) {  // a folder that only others may write
   }
   const auto now = std::chrono::system_clock::now().time_since_epoch();
