@@ -3,12 +3,8 @@
 // cluster.cpp submit and status.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
-#include <functional>
-#include <map>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -65,14 +61,6 @@ struct FarmFlags {
 
 // PlannedFilm renders frames of a farm's plan as `lenticule render` does with the same flags.
 
-/// Returns digests of everything that the film is made from: scene with textures, camera path,
-/// environment picture, rig.
-[[nodiscard]] std::map<std::string, std::string> digests_of_inputs(const RenderFlags& flags,
-                                                                   const FilmRenderer& renderer);
-/// Returns the digest of the numbered scene files of a chunk; empty if all frames have one file.
-[[nodiscard]] std::string digest_of_chunk_inputs(const RenderFlags& flags,
-                                                 const farm::Chunk& chunk);
-
 class PlannedFilm {
  public:
   /// Throws Error(Input) if the plan was made by another version, or if an input has changed since.
@@ -89,24 +77,4 @@ class PlannedFilm {
   std::unique_ptr<FilmRenderer> renderer_;
 };
 
-/// Returns the name and version of this program, which a plan states.
-[[nodiscard]] std::string program_version();
-
-// Calls the programs of Slurm for a work folder.
-
-/// Runs a program of Slurm that is in PATH, and returns what it prints. Throws Error(Failed) if it
-/// is not installed, fails or does not answer.
-[[nodiscard]] std::string run_slurm(const std::string& name,
-                                    const std::vector<std::string>& arguments,
-                                    std::chrono::seconds limit = std::chrono::seconds(60));
-
-/// Returns the file with the jobs of a work folder.
-[[nodiscard]] std::filesystem::path slurm_jobs_file(const farm::WorkFolder& folder);
-/// Returns the jobs that were submitted for a work folder; none if there was no submission. Throws
-/// Error(Input).
-[[nodiscard]] std::optional<farm::SlurmJobs> submitted_jobs(const farm::WorkFolder& folder);
-
-/// Asks Slurm which of the jobs are in its queue. Throws Error(Failed).
-[[nodiscard]] farm::SlurmQueue ask_slurm(const farm::SlurmJobs& jobs,
-                                         std::chrono::seconds limit = std::chrono::seconds(60));
 }  // namespace lenticule::tools

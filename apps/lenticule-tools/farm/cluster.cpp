@@ -30,10 +30,10 @@ namespace {
 
 constexpr uint64_t kMostJobsBytes = uint64_t{64} << 20;
 
-}  // namespace
-
+/// Runs a program of Slurm that is in PATH, and returns what it prints. Throws Error(Failed) if it
+/// is not installed, fails or does not answer.
 std::string run_slurm(const std::string& name, const std::vector<std::string>& arguments,
-                      std::chrono::seconds limit) {
+                      std::chrono::seconds limit = std::chrono::seconds(60)) {
   const auto path = player::find_program(name);
   if (!path)
     throw Error(ErrorKind::Failed, fmt::format("{}: not found in PATH", name),
@@ -49,10 +49,13 @@ std::string run_slurm(const std::string& name, const std::vector<std::string>& a
   throw Error(ErrorKind::Failed, fmt::format("{}: {}", name, escaped(shortened(run.output, 400))));
 }
 
+/// Returns the file with the jobs of a work folder.
 std::filesystem::path slurm_jobs_file(const farm::WorkFolder& folder) {
   return folder.path() / "slurm" / "jobs.json";
 }
 
+/// Returns the jobs that were submitted for a work folder; none if there was no submission. Throws
+/// Error(Input).
 std::optional<farm::SlurmJobs> submitted_jobs(const farm::WorkFolder& folder) {
   const std::filesystem::path file = slurm_jobs_file(folder);
   std::error_code none;
@@ -60,15 +63,15 @@ std::optional<farm::SlurmJobs> submitted_jobs(const farm::WorkFolder& folder) {
   return farm::parse_slurm_jobs(read_text_file(file, kMostJobsBytes), file.string());
 }
 
-farm::SlurmQueue ask_slurm(const farm::SlurmJobs& jobs, std::chrono::seconds limit) {
+/// Asks Slurm which of the jobs are in its queue. Throws Error(Failed).
+farm::SlurmQueue ask_slurm(const farm::SlurmJobs& jobs,
+                           std::chrono::seconds limit = std::chrono::seconds(60)) {
   const std::string output = run_slurm(
       "squeue", {"--noheader", "--array", fmt::format("--format={}", farm::kQueueFormat)}, limit);
   return farm::queue_of_film(jobs, farm::parse_queue(output, jobs.folder));
 }
 
 // lenticule farm submit gives the chunks that are not done, and the merge, to Slurm.
-
-namespace {
 
 namespace fs = std::filesystem;
 

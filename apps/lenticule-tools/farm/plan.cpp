@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <random>
 #include <set>
@@ -79,12 +80,13 @@ std::string digest_of_place(const FilmPanel& panel) {
   return farm::digest_of_text(text);
 }
 
-}  // namespace
-
+/// Returns the name and version of this program, which a plan states.
 std::string program_version() {
   return fmt::format("lenticule {}", LENTICULE_VERSION);
 }
 
+/// Returns digests of everything that the film is made from: scene with textures, camera path,
+/// environment picture, rig.
 std::map<std::string, std::string> digests_of_inputs(const RenderFlags& flags,
                                                      const FilmRenderer& renderer) {
   std::map<std::string, std::string> digests;
@@ -97,6 +99,7 @@ std::map<std::string, std::string> digests_of_inputs(const RenderFlags& flags,
   return digests;
 }
 
+/// Returns the digest of the numbered scene files of a chunk; empty if all frames have one file.
 std::string digest_of_chunk_inputs(const RenderFlags& flags, const farm::Chunk& chunk) {
   if (flags.scene.starts_with(kBuiltIn) || !frames::FilePattern::looks_like_pattern(flags.scene))
     return {};
@@ -106,6 +109,8 @@ std::string digest_of_chunk_inputs(const RenderFlags& flags, const farm::Chunk& 
     parts += farm::digest_of_file(pattern.path(frame));
   return farm::digest_of_text(parts);
 }
+
+}  // namespace
 
 PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {
   if (plan.program != program_version())
