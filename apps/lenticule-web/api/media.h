@@ -47,11 +47,9 @@ using CheckMedia = std::function<nlohmann::ordered_json(const std::filesystem::p
 /// Thread safety: any thread. A file of which a part is being uploaded can have one sender.
 class Media {
  public:
+  /// The folder must exist.
   explicit Media(MediaOptions options, CheckMedia check)
       : options_(std::move(options)), check_(std::move(check)) {
-    if (!std::filesystem::is_directory(options_.folder))
-      throw Error(ErrorKind::Usage, options_.folder.string() + ": is not a folder",
-                  "create the media folder first, or name another: --media FOLDER");
     finish_replacements();
   }
 
@@ -210,12 +208,7 @@ class Media {
         throw HttpError(413, fmt::format("{}: larger than {} bytes", name_, most_),
                         "send a smaller file, or make room on the disk");
       }
-      while (!bytes.empty()) {
-        const ssize_t written = ::write(file_.get(), bytes.data(), bytes.size());
-        if (written < 0 && errno == EINTR) continue;
-        if (written <= 0) fail_to_write(name_);
-        bytes = bytes.subspan(static_cast<size_t>(written));
-      }
+      write_all(file_.get(), bytes, name_);
     }
     Response finish() override {
       if (expected_ && taken_ != *expected_)
@@ -253,11 +246,6 @@ class Media {
     struct stat status {};
     if (::lstat(file.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return std::nullopt;
     return static_cast<uint64_t>(status.st_size);
-  }
-
-  [[noreturn]] static void fail_to_write(const std::string& name) {
-    throw HttpError(errno == ENOSPC || errno == EDQUOT ? 507 : 500,
-                    fmt::format("{}: cannot be written: {}", name, std::strerror(errno)));
   }
 
   /// Returns the text of a list; nothing if it cannot be read, which must not forbid deletions.

@@ -36,18 +36,8 @@ constexpr std::array<Counter, 9> kCounters = {{
 }};
 
 std::optional<double> number_at(const ordered_json& json, const char* key) {
-  if (!json.is_object()) return std::nullopt;
-  const auto found = json.find(key);
-  if (found == json.end() || !found->is_number()) return std::nullopt;
-  return found->get<double>();
-}
-
-ordered_json inner(const ordered_json& json, const char* key) {
-  return json.is_object() && json.contains(key) ? json[key] : ordered_json();
-}
-
-std::string text_of(const ordered_json& json) {
-  return json.is_string() ? json.get<std::string>() : std::string();
+  const ordered_json& value = member(json, key);
+  return value.is_number() ? std::optional(value.get<double>()) : std::nullopt;
 }
 
 void add(std::string& text, const char* type, const std::string& name, const std::string& help,
@@ -97,21 +87,19 @@ std::vector<fs::path> entries(const fs::path& folder, const std::string& prefix)
 void add_sentences(const ordered_json& state, const ordered_json& statistics,
                    const std::vector<MinuteFigures>& history, ordered_json& sentences) {
   const auto say = [&](const std::string& text) { sentences.push_back(text); };
-  const ordered_json status = inner(state, "status");
+  const ordered_json status = member(state, "status");
   if (state["connected"] != true) {
     say("The player does not answer: " + state["problem"].get<std::string>() + ".");
     return;
   }
-  const ordered_json doing = inner(status, "state");
+  const ordered_json doing = member(status, "state");
   if (doing.is_string() && doing != "playing" && doing != "paused")
     say("The player does not play; its state is: " + doing.get<std::string>() + ".");
-  const ordered_json rig = inner(status, "rig_problem");
-  if (rig.is_string() && rig != "") say("The rig file is not followed: " + text_of(rig) + ".");
-  const ordered_json writes = inner(status, "write_problems");
-  for (const ordered_json& write : writes.is_array() ? writes : ordered_json::array())
-    if (inner(write, "cause").is_string() && write["cause"] != "")
-      say("A file cannot be written: " + text_of(inner(write, "object")) + ": " +
-          text_of(write["cause"]) + ".");
+  if (const std::string rig = text_in(status, "rig_problem"); !rig.empty())
+    say("The rig file is not followed: " + rig + ".");
+  for (const ordered_json& write : list_in(member(status, "write_problems")))
+    if (const std::string cause = text_in(write, "cause"); !cause.empty())
+      say("A file cannot be written: " + text_in(write, "object") + ": " + cause + ".");
   uint64_t missed = 0, late = 0;
   for (const MinuteFigures& minute : history) {
     missed += minute.missed_vblanks;
@@ -123,15 +111,15 @@ void add_sentences(const ordered_json& state, const ordered_json& statistics,
   if (late > 0)
     say(fmt::format("{} in the last hour the next frame was not ready in time.",
                     late == 1 ? "Once" : fmt::format("{} times", late)));
-  if (const std::string why = text_of(inner(status, "waiting_for")); !why.empty())
+  if (const std::string why = text_in(status, "waiting_for"); !why.empty())
     say("Nothing of the list plays now: " + why + ".");
-  if (const std::string problem = text_of(inner(status, "last_problem")); !problem.empty())
+  if (const std::string problem = text_in(status, "last_problem"); !problem.empty())
     say("The player's last problem: " + problem + ".");
   if (number_at(statistics, "damaged_frames").value_or(0) > 0)
     say("Some frames of the content are damaged. The faults below name the files.");
   if (number_at(status, "items_skipped").value_or(0) > 0)
     say("Items of the list could not be played and were skipped. The faults below name them.");
-  if (inner(inner(statistics, "exactness"), "exact") == "no")
+  if (member(member(statistics, "exactness"), "exact") == "no")
     say("Subpixels do not reach the panel unchanged.");
 }
 
@@ -164,9 +152,8 @@ std::string metrics_text(const PlayerState& player) {
   std::string text;
   add(text, "gauge", "up", "1 if the player answers.", connected ? "1" : "0");
   if (connected) {
-    const ordered_json doing = inner(state["status"], "state");
     add(text, "gauge", "state", "The state of the player.", "1",
-        fmt::format("{{state=\"{}\"}}", label(text_of(doing))));
+        fmt::format("{{state=\"{}\"}}", label(text_in(state["status"], "state"))));
   }
   for (const Counter& counter : kCounters)
     if (const auto value = number_at(statistics, counter.key))
@@ -174,7 +161,7 @@ std::string metrics_text(const PlayerState& player) {
   for (const auto& [key, name] : {std::pair("submit_to_flip_us", "submit_to_flip"),
                                   {"wake_latency_us", "wake_latency"},
                                   {"copy_us", "copy"}}) {
-    const ordered_json times = inner(statistics, key);
+    const ordered_json times = member(statistics, key);
     std::string help = "Time in seconds, by quantile; 1 is the largest.";
     for (const auto& [part, quantile] : {std::pair("p50", "0.5"), {"p99", "0.99"}, {"max", "1"}}) {
       if (const auto value = number_at(times, part))
@@ -182,7 +169,7 @@ std::string metrics_text(const PlayerState& player) {
             fmt::format("{}", *value * 1e-6), fmt::format("{{quantile=\"{}\"}}", quantile));
     }
   }
-  if (const auto bytes = number_at(inner(statistics, "resident_bytes"), "total"))
+  if (const auto bytes = number_at(member(statistics, "resident_bytes"), "total"))
     add(text, "gauge", "resident_bytes", "Memory of the player.", plain(*bytes));
   std::string help = "Temperature that the kernel reports.";
   for (const ordered_json& sensor : machine_json()["temperatures"])
@@ -199,8 +186,8 @@ ordered_json health_json(const PlayerState& player) {
   ordered_json json = {{"connected", state["connected"]},
                        {"verdict", "good"},
                        {"sentences", ordered_json::array()},
-                       {"display", inner(statistics, "display")},
-                       {"exactness", inner(statistics, "exactness")},
+                       {"display", member(statistics, "display")},
+                       {"exactness", member(statistics, "exactness")},
                        {"figures", ordered_json::object()},
                        {"history", ordered_json::array()},
                        {"faults", player.faults()},

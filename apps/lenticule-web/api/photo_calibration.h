@@ -266,10 +266,8 @@ class PhotoCalibration {
 
   /// Returns the first reason of a report.
   static std::string first_reason(const ordered_json& report) {
-    const ordered_json reasons = report.value("reasons", ordered_json::array());
-    return reasons.is_array() && !reasons.empty() && reasons[0].is_string()
-               ? reasons[0].get<std::string>()
-               : std::string();
+    const ordered_json reasons = list_in(member(report, "reasons"));
+    return !reasons.empty() && reasons[0].is_string() ? reasons[0].get<std::string>() : "";
   }
 
   /// Returns the extension of a picture file by its first bytes, as the command expects it.
@@ -281,11 +279,6 @@ class PhotoCalibration {
       if (std::memcmp(begin, "II*\0", 4) == 0 || std::memcmp(begin, "MM\0*", 4) == 0) return ".tif";
     }
     return ".jpg";
-  }
-
-  [[noreturn]] static void fail_to_write() {
-    throw HttpError(errno == ENOSPC || errno == EDQUOT ? 507 : 500,
-                    fmt::format("photograph: cannot be written: {}", std::strerror(errno)));
   }
 
   /// Claim marks work that only one thread may do at a time.
@@ -323,17 +316,12 @@ class PhotoCalibration {
       std::filesystem::create_directories(path_.parent_path());
       constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW;
       file_ = UniqueFd(::open(path_.c_str(), kFlags, 0600));
-      if (!file_) fail_to_write();
+      if (!file_) fail_to_write("photograph");
     }
     ~PhotoUpload() override { (void)::unlink(path_.c_str()); }
 
     void take(std::span<const uint8_t> bytes) override {
-      while (!bytes.empty()) {
-        const ssize_t written = ::write(file_.get(), bytes.data(), bytes.size());
-        if (written < 0 && errno == EINTR) continue;
-        if (written <= 0) fail_to_write();
-        bytes = bytes.subspan(static_cast<size_t>(written));
-      }
+      write_all(file_.get(), bytes, "photograph");
     }
     Response finish() override {
       file_ = UniqueFd();

@@ -103,9 +103,9 @@ class PhotoSession {
   [[nodiscard]] static std::string refusal(const nlohmann::ordered_json& report, size_t place) {
     std::string others;
     for (const ordered_json& photo : list_in(member(report, "photographs"))) {
-      const auto at = place_of_file(text_in(member(photo, "name")));
+      const auto at = place_of_file(text_in(photo, "name"));
       if (!at || member(photo, "used") == true) continue;
-      const std::string reason = text_in(member(photo, "reason"));
+      const std::string reason = text_in(photo, "reason");
       if (*at == place) return reason;
       others = fmt::format("this photograph and the one {} contradict each other: {}",
                            kPhotoPlaces[*at].words, reason);
@@ -113,7 +113,9 @@ class PhotoSession {
     if (!others.empty()) return others;
     if (!list_in(member(report, "viewpoints")).empty()) return {};
     const ordered_json reasons = list_in(member(report, "reasons"));
-    return reasons.empty() ? "the photographs could not be fitted" : text_in(reasons[0]);
+    return reasons.empty()          ? "the photographs could not be fitted"
+           : reasons[0].is_string() ? reasons[0].get<std::string>()
+                                    : "";
   }
   /// Returns what to do better after a refusal.
   [[nodiscard]] static std::string remedy(std::string_view reason) {
@@ -227,22 +229,6 @@ class PhotoSession {
   static int side_of(double x_mm, double z_mm) {
     return x_mm < -kAside * z_mm ? -1 : x_mm > kAside * z_mm ? 1 : 0;
   }
-
-  /// Returns a member of an object; null if there is none.
-  static const ordered_json& member(const ordered_json& object, const char* key) {
-    static const ordered_json none;
-    if (!object.is_object()) return none;
-    const auto found = object.find(key);
-    return found != object.end() ? *found : none;
-  }
-
-  static std::string text_in(const ordered_json& value) {
-    return value.is_string() ? value.get<std::string>() : std::string();
-  }
-
-  static ordered_json list_in(const ordered_json& value) {
-    return value.is_array() ? value : ordered_json::array();
-  }
   struct Entry {
     bool used = false;
     std::string refusal{};  ///< reason why the newest photograph is not used
@@ -251,7 +237,7 @@ class PhotoSession {
     std::optional<double> roll_degrees{};  ///< turn of the picture's rows on the panel
   };
   void take_photograph(const nlohmann::ordered_json& photo) {
-    const auto place = place_of_file(text_in(member(photo, "name")));
+    const auto place = place_of_file(text_in(photo, "name"));
     if (!place) return;
     Entry& entry = entries_[*place];
     entry.roll_degrees = number_in(member(photo, "roll_degrees"));

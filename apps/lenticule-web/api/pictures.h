@@ -4,7 +4,6 @@
 #pragma once
 
 #include <fmt/format.h>
-#include <sys/mman.h>
 #include <sys/stat.h>
 #include <turbojpeg.h>
 
@@ -25,6 +24,7 @@
 #include "base/error.h"
 #include "frames/charts/charts.h"
 #include "frames/frame.h"
+#include "frames/ring/ring_layout.h"
 #include "optics/eye_simulator.h"
 #include "optics/model.h"
 #include "optics/rig.h"
@@ -90,7 +90,7 @@ class PictureMaker {
     frame.row_bytes = number_in(answer, "row_bytes");
     if (frame.row_bytes < width * 3 || frame.row_bytes > width * 16) fail("absurd rows");
     frame.number = number_in(answer, "frame");
-    const Mapping memory(descriptor);
+    const SharedMemory memory(descriptor);
     const size_t bytes = frame.row_bytes * height;
     const uint8_t* const pixels = memory.at(number_in(answer, "pixels_at"), bytes);
     const size_t rig_bytes = number_in(answer, "rig_bytes");
@@ -183,31 +183,26 @@ class PictureMaker {
   }
 
   static size_t number_in(const nlohmann::ordered_json& answer, const char* key) {
-    const auto found = answer.find(key);
-    if (found == answer.end() || !found->is_number_unsigned())
-      fail(fmt::format("the player did not state {}", key));
-    return found->get<size_t>();
+    const nlohmann::ordered_json& value = member(answer, key);
+    if (!value.is_number_unsigned()) fail(fmt::format("the player did not state {}", key));
+    return value.get<size_t>();
   }
 
-  /// Mapping is memory that another process shares for reading.
-  class Mapping {
+  /// SharedMemory is memory that another process shares for reading.
+  class SharedMemory {
    public:
-    explicit Mapping(int descriptor) {
+    explicit SharedMemory(int descriptor) {
       struct stat status {};
       if (::fstat(descriptor, &status) != 0 || status.st_size <= 0) fail("no shared memory");
-      bytes_ = static_cast<size_t>(status.st_size);
-      void* const mapped = ::mmap(nullptr, bytes_, PROT_READ, MAP_SHARED, descriptor, 0);
-      if (mapped == MAP_FAILED) fail("the shared memory cannot be mapped");
-      begin_ = static_cast<const uint8_t*>(mapped);
+      mapping_ = frames::Mapping(descriptor, 0, static_cast<size_t>(status.st_size), PROT_READ);
+      if (!mapping_) fail("the shared memory cannot be mapped");
     }
-    ~Mapping() { ::munmap(const_cast<uint8_t*>(begin_), bytes_); }
-    Mapping(const Mapping&) = delete;
-    Mapping& operator=(const Mapping&) = delete;
 
     /// Returns `bytes` bytes at `at`; throws if the memory is smaller.
     [[nodiscard]] const uint8_t* at(size_t at, size_t bytes) const {
-      if (at > bytes_ || bytes > bytes_ - at) fail("the shared memory is too small");
-      return begin_ + at;
+      const auto all = mapping_.bytes();
+      if (at > all.size() || bytes > all.size() - at) fail("the shared memory is too small");
+      return all.data() + at;
     }
     [[nodiscard]] uint64_t serial() const {
       std::atomic_thread_fence(std::memory_order_seq_cst);
@@ -218,8 +213,7 @@ class PictureMaker {
     }
 
    private:
-    const uint8_t* begin_ = nullptr;
-    size_t bytes_ = 0;
+    frames::Mapping mapping_;
   };
   static constexpr int kCombWidth = 960;
 

@@ -89,44 +89,31 @@ ordered_json state_json(WebSite& site, const Request& request) {
 
 constexpr auto kHeartbeat = std::chrono::seconds(10);
 
-/// StateEvents sends the whole state first, then the messages as they come.
-class StateEvents final : public EventStream {
- public:
-  StateEvents(PlayerState& player, uint64_t after, std::string first)
-      : player_(player), after_(after), first_(std::move(first)) {}
-
-  std::optional<std::string> next() override {
-    if (!first_.empty()) return std::exchange(first_, {});
-    const std::vector<Message> messages = player_.wait_for(after_, kHeartbeat);
-    if (player_.stopped()) return std::nullopt;
-    std::string text;
-    for (const Message& message : messages) {
-      after_ = message.number;
-      text += fmt::format("id: {}\nevent: {}\ndata: {}\n\n", message.number, escaped(message.name),
-                          message.text);
-    }
-    return text.empty() ? ": nothing new\n\n" : text;
-  }
-
- private:
-  PlayerState& player_;
-  uint64_t after_;
-  std::string first_;
-};
-
 Response get_state(WebSite& site, const Request& request, const std::string&) {
   return json_response(state_json(site, request));
 }
 
+/// Sends the whole state first, then the messages as they come.
 Response get_events(WebSite& site, const Request& request, const std::string&) {
-  const uint64_t newest = site.player().newest();
+  PlayerState& player = site.player();
+  uint64_t after = player.newest();
   Response response;
   response.type = "text/event-stream";
   response.headers.emplace_back("X-Accel-Buffering", "no");
-  response.events =
-      std::make_unique<StateEvents>(site.player(), newest,
-                                    fmt::format("retry: 2000\nid: {}\nevent: state\ndata: {}\n\n",
-                                                newest, json_text(state_json(site, request))));
+  std::string first = fmt::format("retry: 2000\nid: {}\nevent: state\ndata: {}\n\n", after,
+                                  json_text(state_json(site, request)));
+  response.events = [&player, after, first]() mutable -> std::optional<std::string> {
+    if (!first.empty()) return std::exchange(first, {});
+    const std::vector<Message> messages = player.wait_for(after, kHeartbeat);
+    if (player.stopped()) return std::nullopt;
+    std::string text;
+    for (const Message& message : messages) {
+      after = message.number;
+      text += fmt::format("id: {}\nevent: {}\ndata: {}\n\n", message.number, escaped(message.name),
+                          message.text);
+    }
+    return text.empty() ? ": nothing new\n\n" : text;
+  };
   return response;
 }
 

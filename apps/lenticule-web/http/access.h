@@ -38,15 +38,7 @@ namespace lenticule::web {
 enum class Rights { None, See, Change };
 
 [[nodiscard]] inline const char* rights_name(Rights rights) {
-  switch (rights) {
-    case Rights::None:
-      return "none";
-    case Rights::See:
-      return "see";
-    case Rights::Change:
-      return "change";
-  }
-  return "none";
+  return rights == Rights::Change ? "change" : rights == Rights::See ? "see" : "none";
 }
 [[nodiscard]] inline std::optional<Rights> rights_named(std::string_view name) {
   if (name == "see") return Rights::See;
@@ -197,30 +189,18 @@ class Access {
       : file_(std::move(tokens)), tokens_(read_tokens(file_)), mark_(mark_of(file_)) {}
 
   /// Returns the identity of a token; rights None if it is not valid.
-  // Every token is compared, so that the time does not depend on which one matches.
   [[nodiscard]] Identity with_token(std::string_view secret) {
-    const std::lock_guard lock(mutex_);
-    refresh();
-    Identity found;
-    for (const Token& token : tokens_)
-      if (equal_secrets(token.secret, secret)) found = identity_of(token);
-    return found;
+    return identity_with(secret, [](const Token& token) { return token.secret; });
   }
   /// Returns the identity of a cookie; rights None if it is not valid.
   [[nodiscard]] Identity with_cookie(std::string_view value) {
-    const std::lock_guard lock(mutex_);
-    refresh();
-    Identity found;
-    for (const Token& token : tokens_)
-      if (equal_secrets(cookie_digits(token), value)) found = identity_of(token);
-    return found;
+    return identity_with(value, cookie_digits);
   }
   /// Returns true if the token with that id was not revoked.
   [[nodiscard]] bool is_valid(std::string_view token_id) {
     const std::lock_guard lock(mutex_);
     refresh();
-    return std::any_of(tokens_.begin(), tokens_.end(),
-                       [&](const Token& token) { return token.id == token_id; });
+    return std::ranges::find(tokens_, token_id, &Token::id) != tokens_.end();
   }
   /// Returns the cookie of a valid token. The cookie does not contain the token, and is valid as
   /// long as the token, also after a restart of the server.
@@ -244,8 +224,17 @@ class Access {
     return token.id + "." + hexadecimal(digest);
   }
 
-  static Identity identity_of(const Token& token) {
-    return {.rights = token.rights, .token_id = token.id, .name = token.name};
+  /// Returns the identity of the token of which `part` is `value`. Every token is compared, so that
+  /// the time does not depend on which one matches.
+  template <class Part>
+  [[nodiscard]] Identity identity_with(std::string_view value, const Part& part) {
+    const std::lock_guard lock(mutex_);
+    refresh();
+    Identity found;
+    for (const Token& token : tokens_)
+      if (equal_secrets(part(token), value))
+        found = {.rights = token.rights, .token_id = token.id, .name = token.name};
+    return found;
   }
   void refresh() {
     const FileMark mark = mark_of(file_);

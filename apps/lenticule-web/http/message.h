@@ -2,8 +2,12 @@
 // Request, Response and the interfaces between the HTTP server and what it serves.
 #pragma once
 
-#include <chrono>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -33,14 +37,10 @@ struct Request {
   Identity sender{};
 };
 
-/// EventStream is an answer that continues until one side ends it.
-class EventStream {
- public:
-  virtual ~EventStream() = default;
-  /// Returns the next text to send; waits at most ten seconds, and returns a comment if nothing
-  /// happened. None ends the answer.
-  [[nodiscard]] virtual std::optional<std::string> next() = 0;
-};
+/// EventStream is an answer that continues until one side ends it. It returns the next text to
+/// send; it waits at most ten seconds, and returns a comment if nothing happened. None ends the
+/// answer.
+using EventStream = std::function<std::optional<std::string>()>;
 
 struct Response {
   int status = 200;
@@ -48,7 +48,7 @@ struct Response {
   std::string body{};
   std::string_view borrowed{};  ///< instead of `body`: text that outlives the server
   std::vector<std::pair<std::string, std::string>> headers{};
-  std::unique_ptr<EventStream> events{};  ///< instead of `body`
+  EventStream events{};  ///< instead of `body`
 };
 
 /// BodySink takes the body of a request that is too large for memory. It is destroyed before the
@@ -73,6 +73,20 @@ class HttpError : public Error {
   int status_;
 };
 
+/// Throws HttpError 507 or 500 for a file that could not be written, by errno.
+[[noreturn]] inline void fail_to_write(const std::string& name) {
+  throw HttpError(errno == ENOSPC || errno == EDQUOT ? 507 : 500,
+                  fmt::format("{}: cannot be written: {}", name, std::strerror(errno)));
+}
+inline void write_all(int file, std::span<const uint8_t> bytes, const std::string& name) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(file, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) fail_to_write(name);
+    bytes = bytes.subspan(static_cast<size_t>(written));
+  }
+}
+
 /// Site answers the requests of a server. Its functions may throw Error.
 ///
 /// Thread safety: any number of threads at once.
@@ -88,6 +102,26 @@ class Site {
   [[nodiscard]] virtual std::unique_ptr<BodySink> sink(const Request& request) = 0;
   [[nodiscard]] virtual Response answer(const Request& request) = 0;
 };
+
+// Read JSON of another program, which may have any form.
+
+/// Returns a member of an object; null if there is none.
+[[nodiscard]] inline const nlohmann::ordered_json& member(const nlohmann::ordered_json& object,
+                                                          const char* key) {
+  static const nlohmann::ordered_json none;
+  if (!object.is_object()) return none;
+  const auto found = object.find(key);
+  return found != object.end() ? *found : none;
+}
+/// Returns the text of a member; empty if it has none.
+[[nodiscard]] inline std::string text_in(const nlohmann::ordered_json& object, const char* key) {
+  const nlohmann::ordered_json& value = member(object, key);
+  return value.is_string() ? value.get<std::string>() : std::string();
+}
+/// Returns a list; an empty one for another value.
+[[nodiscard]] inline nlohmann::ordered_json list_in(const nlohmann::ordered_json& value) {
+  return value.is_array() ? value : nlohmann::ordered_json::array();
+}
 
 /// Returns an answer with a JSON object.
 [[nodiscard]] inline Response json_response(const nlohmann::ordered_json& value, int status = 200) {

@@ -229,9 +229,8 @@ class Server {
   /// The functions that the HTTP library calls.
   struct ServerCallbacks {
     static enum MHD_Result handle(void* door, MHD_Connection* connection, const char* url,
-                                  const char* method, const char* version, const char* data,
+                                  const char* method, const char* /*version*/, const char* data,
                                   size_t* size, void** state) {
-      (void)version;
       auto& own = *static_cast<Door*>(door);
       try {
         const int result = own.server->handle(own, connection, url, method, data, size, state);
@@ -243,16 +242,14 @@ class Server {
     }
 
     static void completed(void* door, MHD_Connection* connection, void** state,
-                          enum MHD_RequestTerminationCode code) {
-      (void)code;
+                          enum MHD_RequestTerminationCode /*code*/) {
       auto& server = *static_cast<Door*>(door)->server;
       delete static_cast<Call*>(std::exchange(*state, nullptr));
       server.watch_.answered(fd_of(connection), server.limits_.head_time);
     }
 
-    static void connection_changed(void* door, MHD_Connection* connection, void** state,
+    static void connection_changed(void* door, MHD_Connection* connection, void** /*state*/,
                                    enum MHD_ConnectionNotificationCode code) {
-      (void)state;
       const auto& own = *static_cast<Door*>(door);
       auto& server = *own.server;
       if (code == MHD_CONNECTION_NOTIFY_STARTED)
@@ -265,32 +262,25 @@ class Server {
 
     /// Decodes an address or a part of its query. A text with an encoded zero stays as it is: its
     /// end would be cut off, and the rest would name something else.
-    static size_t unescape(void* unused, MHD_Connection* connection, char* text) {
-      (void)unused;
-      (void)connection;
+    static size_t unescape(void* /*unused*/, MHD_Connection* /*connection*/, char* text) {
       return std::strstr(text, "%00") != nullptr ? std::strlen(text) : MHD_http_unescape(text);
     }
 
     /// Discards the library's messages, which strangers can cause at will.
-    static void discard_message(void* unused, const char* format, va_list arguments) {
-      (void)unused;
-      (void)format;
-      (void)arguments;
-    }
+    static void discard_message(void* /*unused*/, const char* /*format*/, va_list /*arguments*/) {}
 
     /// StreamState is an answer that continues, and the text that is not sent yet.
     struct StreamState {
-      std::unique_ptr<EventStream> events;
+      EventStream events;
       std::string text;
       std::atomic<unsigned>* streams = nullptr;  ///< number of such answers
     };
 
-    static ssize_t read_stream(void* state, uint64_t position, char* buffer, size_t size) {
-      (void)position;
+    static ssize_t read_stream(void* state, uint64_t /*position*/, char* buffer, size_t size) {
       auto& stream = *static_cast<StreamState*>(state);
       try {
         if (stream.text.empty()) {
-          auto next = stream.events->next();
+          auto next = stream.events();
           if (!next) return MHD_CONTENT_READER_END_OF_STREAM;
           stream.text = std::move(*next);
         }

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <semaphore>
 #include <string>
@@ -76,21 +75,14 @@ class ControlLink {
   }
 
   [[noreturn]] static void throw_error_of(const nlohmann::ordered_json& answer) {
-    const auto error = answer.value("error", nlohmann::ordered_json::object());
-    const auto text = [&](const char* key) {
-      return error.is_object() && error.contains(key) && error[key].is_string()
-                 ? error[key].get<std::string>()
-                 : std::string();
-    };
-    const bool has_kind =
-        error.is_object() && error.contains("kind") && error["kind"].is_number_integer();
-    const int kind = has_kind ? error["kind"].get<int>() : 1;
-    const std::string object = text("object");
-    const std::string cause = object.empty() ? text("cause") : object + ": " + text("cause");
-    if (error.is_object() && error.contains("conflict") && error["conflict"] == true)
-      throw HttpError(409, cause, text("remedy"));
+    const nlohmann::ordered_json& error = member(answer, "error");
+    const nlohmann::ordered_json& stated = member(error, "kind");
+    const int kind = stated.is_number_integer() ? stated.get<int>() : 1;
+    const std::string object = text_in(error, "object"), remedy = text_in(error, "remedy");
+    const std::string cause = (object.empty() ? "" : object + ": ") + text_in(error, "cause");
+    if (member(error, "conflict") == true) throw HttpError(409, cause, remedy);
     throw Error(kind >= 1 && kind <= 5 ? static_cast<ErrorKind>(kind) : ErrorKind::Failed, cause,
-                text("remedy"));
+                remedy);
   }
   const std::string socket_;
   std::counting_semaphore<4> slots_{4};
@@ -123,15 +115,9 @@ inline bool is_chart(const std::string& source) {
 /// Returns "black", "card", "views", "code" or "chart" if the player shows that instead of the
 /// content; empty if it shows content.
 [[nodiscard]] inline std::string shown_instead(const nlohmann::ordered_json& status) {
-  const auto place = status.is_object() ? status.find("displayed") : status.end();
-  if (!status.is_object() || place == status.end() || !place->is_object() ||
-      !place->contains("source") || !(*place)["source"].is_string())
-    return {};
-  const auto source = (*place)["source"].get<std::string>();
-  // An item of a list may be black, too.
-  const bool in_list = status.contains("reading") && status["reading"].is_object() &&
-                       status["reading"].value("items", 0) > 1;
-  if (in_list) return {};
+  const std::string source = text_in(member(status, "displayed"), "source");
+  const nlohmann::ordered_json& items = member(member(status, "reading"), "items");
+  if (items.is_number() && items > 1) return {};  // an item of a list may be black, too
   if (is_chart(source)) return "chart";
   const bool is_instead =
       source == "black" || source == "card" || source == "views" || source == "code";

@@ -9,7 +9,6 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
-#include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -70,8 +69,8 @@ class HourHistory {
 
  private:
   static uint64_t counter(const nlohmann::ordered_json& statistics, const char* key) {
-    const auto found = statistics.find(key);
-    return found != statistics.end() && found->is_number_unsigned() ? found->get<uint64_t>() : 0;
+    const nlohmann::ordered_json& value = member(statistics, key);
+    return value.is_number_unsigned() ? value.get<uint64_t>() : 0;
   }
 
   std::deque<MinuteFigures> minutes_;
@@ -96,7 +95,7 @@ class PlayerState {
   /// Returns {"connected", "status", "problem"}.
   [[nodiscard]] nlohmann::ordered_json state() const {
     const std::lock_guard lock(mutex_);
-    return {{"connected", connected_}, {"status", status_}, {"problem", problem_}};
+    return locked_state();
   }
   /// Returns the player's newest statistics; null without a player.
   [[nodiscard]] nlohmann::ordered_json statistics() const {
@@ -196,6 +195,9 @@ class PlayerState {
            event == "frame_missed" || event == "too_slow";
   }
 
+  [[nodiscard]] nlohmann::ordered_json locked_state() const {
+    return {{"connected", connected_}, {"status", status_}, {"problem", problem_}};
+  }
   void follow() noexcept {
     while (!stopped()) {
       try {
@@ -228,12 +230,12 @@ class PlayerState {
     }
   }
   void take_event(const nlohmann::ordered_json& event) {
-    const auto name = event.find("event");
-    if (name == event.end() || !name->is_string()) return;
+    const std::string name = text_in(event, "event");
+    if (name.empty()) return;
     {
       const std::lock_guard lock(mutex_);
-      locked_publish(name->get<std::string>(), json_text(event));
-      if (is_fault(name->get_ref<const std::string&>())) {
+      locked_publish(name, json_text(event));
+      if (is_fault(name)) {
         ordered_json fault = event;
         fault["time"] = clock_.date();
         faults_.push_front(std::move(fault));
@@ -250,8 +252,7 @@ class PlayerState {
       status_ = std::move(status);
       connected_ = true;
       problem_.clear();
-      locked_publish("state", json_text(ordered_json{
-                                  {"connected", true}, {"status", status_}, {"problem", ""}}));
+      locked_publish("state", json_text(locked_state()));
     }
     changed_.notify_all();
   }
@@ -273,9 +274,7 @@ class PlayerState {
       connected_ = false;
       status_ = nullptr;
       statistics_ = nullptr;
-      locked_publish("state",
-                     json_text(ordered_json{
-                         {"connected", false}, {"status", nullptr}, {"problem", problem_}}));
+      locked_publish("state", json_text(locked_state()));
     }
     changed_.notify_all();
   }

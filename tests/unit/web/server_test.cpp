@@ -38,29 +38,6 @@ class CountingSink final : public BodySink {
   size_t bytes_ = 0;
 };
 
-class TwoEvents final : public EventStream {
- public:
-  std::optional<std::string> next() override {
-    if (++sent_ > 2) return std::nullopt;
-    return "event: " + std::to_string(sent_) + "\n\n";
-  }
-
- private:
-  int sent_ = 0;
-};
-
-class EndlessEvents final : public EventStream {
- public:
-  explicit EndlessEvents(const std::atomic<bool>& stopped) : stopped_(stopped) {}
-  std::optional<std::string> next() override {
-    std::this_thread::sleep_for(milliseconds(10));
-    return stopped_ ? std::nullopt : std::optional<std::string>("event: more\n\n");
-  }
-
- private:
-  const std::atomic<bool>& stopped_;
-};
-
 class RecordingSite final : public Site {
  public:
   Rights needed(const std::string& method, const std::string& path) const override {
@@ -83,8 +60,14 @@ class RecordingSite final : public Site {
     if (request.path == "/events" || request.path == "/forever") {
       Response response;
       response.type = "text/event-stream";
-      response.events = std::make_unique<TwoEvents>();
-      if (request.path == "/forever") response.events = std::make_unique<EndlessEvents>(stopped);
+      response.events = [sent = 0]() mutable {
+        return ++sent > 2 ? std::nullopt : std::optional("event: " + std::to_string(sent) + "\n\n");
+      };
+      if (request.path == "/forever")
+        response.events = [this]() -> std::optional<std::string> {
+          std::this_thread::sleep_for(milliseconds(10));
+          return stopped ? std::nullopt : std::optional<std::string>("event: more\n\n");
+        };
       return response;
     }
     return json_response({{"path", request.path},
