@@ -32,6 +32,7 @@ struct FreeFormat {
 using AvFrame = std::unique_ptr<AVFrame, Free<av_frame_free>>;
 using AvPacket = std::unique_ptr<AVPacket, Free<av_packet_free>>;
 using AvCodec = std::unique_ptr<AVCodecContext, Free<avcodec_free_context>>;
+using SwResampler = std::unique_ptr<SwrContext, Free<swr_free>>;
 using AvIo = std::unique_ptr<AVIOContext, FreeIo>;
 using AvInput = std::unique_ptr<AVFormatContext, Free<avformat_close_input>>;
 using AvOutput = std::unique_ptr<AVFormatContext, FreeFormat>;

@@ -178,10 +178,17 @@ inline constexpr int64_t kProbeMicroseconds = 5'000'000;
 /// Demuxers and decoders that may be used; the other hundreds in FFmpeg are not.
 inline constexpr const char* kContainers =
     "matroska,webm,mov,mp4,avi,nut,mpegts,mpeg,ogg,flv,mxf,asf,ivf,yuv4mpegpipe,gif,apng";
+/// Those of files that have nothing but sound.
+inline constexpr const char* kSoundContainers =
+    "wav,w64,flac,mp3,aac,aiff,matroska,webm,mov,mp4,ogg";
 inline constexpr const char* kDecoders =
     "ffv1,rawvideo,h264,hevc,vp8,vp9,libdav1d,av1,png,apng,mjpeg,prores,dnxhd,huffyuv,"
     "ffvhuff,utvideo,magicyuv,mpeg4,mpeg2video,mpeg1video,qtrle,v210,v308,v408,v410,r210,"
     "gif,wrapped_avframe";
+inline constexpr const char* kSoundDecoders =
+    "aac,mp3float,mp3,mp2float,mp2,opus,libopus,vorbis,libvorbis,flac,alac,ac3,eac3,wavpack,dca,"
+    "pcm_u8,pcm_s16le,pcm_s16be,pcm_s24le,pcm_s24be,pcm_s32le,pcm_s32be,pcm_f32le,pcm_f64le,"
+    "pcm_alaw,pcm_mulaw,pcm_bluray,pcm_dvd,wmav2";
 
 [[noreturn]] inline void fail(const std::string& name, const std::string& cause,
                               const std::string& hint = {}) {
@@ -192,12 +199,8 @@ inline int refuse_to_open(AVFormatContext*, AVIOContext**, const char*, int, AVD
   return AVERROR(EACCES);
 }
 
-/// Discards all other streams, so that they are not parsed.
-inline void discard_all_but_video(AVFormatContext& format) {
-  for (unsigned i = 0; i < format.nb_streams; ++i)
-    if (format.streams[i]->codecpar->codec_type != AVMEDIA_TYPE_VIDEO)
-      format.streams[i]->discard = AVDISCARD_ALL;
-}
+/// Streams that are read from a container; all others are discarded, so that they are not parsed.
+enum class Wanted { Pictures, PicturesAndSound };
 
 inline bool has_pictures(const AVStream& stream) {
   return stream.codecpar->codec_type == AVMEDIA_TYPE_VIDEO &&
@@ -229,11 +232,12 @@ inline AvCodec make_codec(const AVCodec& decoder, const AVStream& stream, const 
 }
 
 /// Returns why the stream's codec cannot be decoded; empty if it may be.
-[[nodiscard]] inline std::string codec_obstacle(const AVCodecParameters& stream) {
+[[nodiscard]] inline std::string codec_obstacle(const AVCodecParameters& stream,
+                                                const char* supported = kDecoders) {
   const char* const name = avcodec_get_name(stream.codec_id);
   const AVCodec* const decoder = avcodec_find_decoder(stream.codec_id);
   if (decoder == nullptr) return fmt::format("FFmpeg has no decoder for its codec {}", name);
-  if (av_match_list(decoder->name, kDecoders, ',') == 0)
+  if (av_match_list(decoder->name, supported, ',') == 0)
     return fmt::format("its codec {} is not supported", name);
   return {};
 }
@@ -375,8 +379,14 @@ class Watchdog {
 /// for that.
 class Container {
  public:
-  /// `name` is for messages. Throws Error(Input) if the file is not a video.
-  Container(const int& fd, std::string name) : name_(std::move(name)), io_(make_io(fd, false)) {
+  /// `name` is for messages. Throws Error(Input) if the file is not a video, or, if sound is
+  /// wanted, neither video nor sound.
+  Container(const int& fd, std::string name, Wanted wanted = Wanted::Pictures)
+      : name_(std::move(name)), io_(make_io(fd, false)) {
+    const bool sound = wanted == Wanted::PicturesAndSound;
+    const auto both = [sound](const char* pictures, const char* of_sound) {
+      return sound ? std::string(pictures) + "," + of_sound : std::string(pictures);
+    };
     if (::lseek(fd, 0, SEEK_SET) != 0) fail(name_, "cannot seek to its start");
     AVFormatContext* format = avformat_alloc_context();
     if (format == nullptr) throw Error(ErrorKind::Failed, "video: out of memory");
@@ -385,18 +395,23 @@ class Container {
     format->io_open = refuse_to_open;
     format->probesize = kProbeBytes;
     format->max_analyze_duration = kProbeMicroseconds;
-    format->format_whitelist = av_strdup(kContainers);
-    format->codec_whitelist = av_strdup(kDecoders);
+    format->format_whitelist = av_strdup(both(kContainers, kSoundContainers).c_str());
+    format->codec_whitelist = av_strdup(both(kDecoders, kSoundDecoders).c_str());
     format->protocol_whitelist = av_strdup("none");
     // The call frees `format` on failure.
     const int error = avformat_open_input(&format, nullptr, nullptr, nullptr);
     if (error < 0) {
       refuse_misnamed(fd, name_);
-      fail(name_, "not a readable video: " + av_reason(error),
+      fail(name_,
+           std::string("not a readable video") + (sound ? " or sound: " : ": ") + av_reason(error),
            std::string("supported containers: ") + kContainers);
     }
     format_.reset(format);
-    discard_all_but_video(*format);
+    for (unsigned i = 0; i < format->nb_streams; ++i) {
+      const AVMediaType type = format->streams[i]->codecpar->codec_type;
+      if (type != AVMEDIA_TYPE_VIDEO && !(sound && type == AVMEDIA_TYPE_AUDIO))
+        format->streams[i]->discard = AVDISCARD_ALL;
+    }
     if (const int found = avformat_find_stream_info(format, nullptr); found < 0)
       fail(name_, "its streams cannot be read: " + av_reason(found));
   }

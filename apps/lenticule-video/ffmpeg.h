@@ -16,6 +16,7 @@ extern "C" {
 #include <libavutil/opt.h>
 #include <libavutil/pixdesc.h>
 #include <libavutil/stereo3d.h>
+#include <libswresample/swresample.h>
 }
 #pragma GCC diagnostic pop
 // NOLINTEND

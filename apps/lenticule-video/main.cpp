@@ -61,6 +61,25 @@ Run declare_decode(CLI::App& app) {
   return [request] { return run_decode(*request); };
 }
 
+Run declare_sound(CLI::App& app) {
+  const auto request = std::make_shared<SoundRequest>();
+  app.add_option("FILE", request->file, "file with sound")->required();
+  app.add_option("--ring-fd", request->ring_fd, "descriptor of the player's ring")->required();
+  app.add_option("--stream", request->stream, "index of the stream; default: the first with sound");
+  app.add_option("--rate", request->rate, "samples per second")->check(CLI::Range(8000, 192'000));
+  app.add_option("--channels", request->channels, "channels of the ring")->check(CLI::Range(1, 8));
+  app.add_option_function<std::string>(
+      "--fps",
+      [request](const std::string& rate) { request->fps = lenticule::frames::parse_rate(rate); },
+      "rate of the pictures; default: the sound is that of a still picture");
+  app.add_option("--frames", request->frames, "pictures of a round; default: those of the file");
+  app.add_option("--begin", request->begin, "first picture to use");
+  app.add_option("--from", request->from, "picture to start with, counted over all rounds");
+  app.add_flag("--loop", request->loop, "repeat until the player ends");
+  app.add_option("--parent", request->parent, "exit when this process ends");
+  return [request] { return run_sound(*request); };
+}
+
 Run declare_encode(CLI::App& app) {
   const auto request = std::make_shared<EncodeRequest>();
   app.add_option("--width", request->width, "pixels")->required();
@@ -92,10 +111,12 @@ int main(int argc, char** argv) {
   std::map<const CLI::App*, Run> runs;
   CLI::App* const probe = app.add_subcommand("probe", "print the contents of a file as JSON");
   CLI::App* const decode = app.add_subcommand("decode", "decode a file into a player's ring");
+  CLI::App* const sound = app.add_subcommand("sound", "decode sound into a player's memory");
   CLI::App* const encode = app.add_subcommand(
       "encode", "encode raw frames from standard input to a file, standard output");
   runs[probe] = declare_probe(*probe);
   runs[decode] = declare_decode(*decode);
+  runs[sound] = declare_sound(*sound);
   runs[encode] = declare_encode(*encode);
   try {
     app.parse(argc, argv);

@@ -179,6 +179,22 @@ json describe(const int& fd, const std::string& file, AVFormatContext& format, A
           {"refusal", refusal(p, verdict)}};
 }
 
+json describe_sound(const AVFormatContext& format, const AVStream& stream) {
+  const AVCodecParameters& p = *stream.codecpar;
+  const auto tag = [&](const char* key) {
+    const AVDictionaryEntry* const entry = av_dict_get(stream.metadata, key, nullptr, 0);
+    return text_or_null(entry != nullptr ? entry->value : nullptr);
+  };
+  const std::string obstacle = codec_obstacle(p, kSoundDecoders);
+  return {{"index", stream.index},
+          {"codec", avcodec_get_name(p.codec_id)},
+          {"channels", p.ch_layout.nb_channels},
+          {"sample_rate", p.sample_rate},
+          {"language", tag("language")},
+          {"duration_s", duration(format, stream)},
+          {"refusal", obstacle.empty() ? json(nullptr) : json(obstacle)}};
+}
+
 }  // namespace
 
 int run_probe(const std::string& file) {
@@ -186,16 +202,18 @@ int run_probe(const std::string& file) {
   alarm(kSeconds);  // ends the program if parsing the file takes longer
   confine(kMemoryBytes);
   const int fd = input.get();
-  Container container(fd, file);
+  Container container(fd, file, Wanted::PicturesAndSound);
   AVFormatContext& format = container.format();
-  json streams = json::array();
+  json streams = json::array(), sound = json::array();
   for (unsigned i = 0; i < format.nb_streams; ++i) {
     AVStream& stream = *format.streams[i];
+    if (stream.codecpar->codec_type == AVMEDIA_TYPE_AUDIO)
+      sound.push_back(describe_sound(format, stream));
     if (stream.codecpar->codec_type != AVMEDIA_TYPE_VIDEO) continue;
     if ((stream.disposition & AV_DISPOSITION_ATTACHED_PIC) != 0) continue;
     streams.push_back(describe(fd, file, format, stream));
   }
-  const json report = {{"container", format.iformat->name}, {"streams", streams}};
+  const json report = {{"container", format.iformat->name}, {"streams", streams}, {"sound", sound}};
   print_out("{}\n", Verbatim{json_text(report, 2)});
   return 0;
 }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -30,6 +31,7 @@ constexpr const char* kProgram = "lenticule-video";
 /// Starting the program on a busy machine may take most of it.
 constexpr std::chrono::seconds kProbeLimit{60};
 constexpr size_t kMostText = 256 * 1024;
+constexpr size_t kMostKept = 32 * 1024;  ///< of a report that is cached
 constexpr size_t kMostLine = 4096;
 constexpr size_t kMostStreams = 256;
 constexpr size_t kMostName = 200;
@@ -127,6 +129,21 @@ VideoStream parse_stream(const json& object, const std::string& source) {
           .refusal = name(fields, "refusal")};
 }
 
+SoundStream parse_sound(const json& object, const std::string& source) {
+  const JsonFields fields(object, source);
+  const auto index = count(fields.find("index"), kMostStreams * kMostStreams);
+  if (!index) fields.fail("index", "not a number");
+  const json* const duration = fields.find("duration_s");
+  const bool lasts = duration != nullptr && duration->is_number() && *duration > 0.0;
+  return {.index = static_cast<int>(*index),
+          .channels = static_cast<int>(count(fields.find("channels"), 1024).value_or(0)),
+          .sample_rate = static_cast<int>(count(fields.find("sample_rate"), 1 << 24).value_or(0)),
+          .codec = name(fields, "codec"),
+          .language = name(fields, "language"),
+          .duration_s = lasts ? std::optional(duration->get<double>()) : std::nullopt,
+          .refusal = name(fields, "refusal")};
+}
+
 // --- the program ----------------------------------------------------------------------------
 
 /// Returns the error that the program printed: "lenticule-video: FILE: cause", and a line with the
@@ -142,25 +159,60 @@ Error reported_error(ErrorKind kind, std::string_view output) {
   return {kind, what, take_line("  ")};
 }
 
-/// Cached probes. A video's streams are needed several times before it plays: to detect its format,
-/// and to open it.
-KnownFiles<std::pair<FileMark, std::string>, std::vector<VideoStream>> known_streams;
+/// Cached reports. A video's streams are needed several times before it plays: to detect its
+/// format, and to open it with its sound.
+KnownFiles<std::pair<FileMark, std::string>, std::string> known_reports;
+
+/// Returns the report of a file. `check` throws for a new one that is malformed.
+std::string report_of(const fs::path& file, const fs::path& program,
+                      const std::function<void(const std::string&)>& check) {
+  const std::string path = (program.empty() ? find_video_program() : program).string();
+  const FileMark mark = mark_of(file);
+  if (const auto known = known_reports.find({mark, path})) return *known;
+  const ProgramRun result =
+      run_child({path, kForThisVersion, "probe", "--", file.string()}, kProbeLimit);
+  if (result.exit_code == kOk) {
+    check(result.output);
+    // A file that changed during the probe is probed again the next time.
+    if (mark.there && mark_of(file) == mark && result.output.size() <= kMostKept)
+      known_reports.add({mark, path}, result.output);
+    return result.output;
+  }
+  if (result.exit_code == kInput) throw reported_error(ErrorKind::Input, result.output);
+  // Also the message of the dynamic linker, if libraries are missing in the middle of an upgrade.
+  if (result.exit_code > 0) throw reported_error(ErrorKind::Failed, result.output);
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: the program that examines it {}", file.string(),
+                          result.timed_out ? "does not end" : "crashed or took longer than 20 s"),
+              "the file is broken, or its disk too slow; convert it again");
+}
+
+/// Parses each stream of a list of the report.
+template <class Stream>
+std::vector<Stream> parse_streams(std::string_view text, const std::string& source, const char* key,
+                                  Stream (*parse)(const json&, const std::string&)) {
+  if (text.size() > kMostText) throw Error(ErrorKind::Input, source + ": description too long");
+  const json report = optics::parse_json(text, source);
+  const json* const streams = JsonFields(report, source).find(key);
+  if (streams == nullptr || !streams->is_array() || streams->size() > kMostStreams)
+    throw Error(ErrorKind::Input, source + ": the list of streams is missing or too long");
+  std::vector<Stream> all;
+  for (const json& stream : *streams) all.push_back(parse(stream, source));
+  return all;
+}
 
 }  // namespace
 
 std::vector<VideoStream> parse_video_probe(std::string_view text, const std::string& source) {
-  if (text.size() > kMostText) throw Error(ErrorKind::Input, source + ": description too long");
-  const json report = optics::parse_json(text, source);
-  const JsonFields fields(report, source);
-  const json* const streams = fields.find("streams");
-  if (streams == nullptr || !streams->is_array() || streams->size() > kMostStreams)
-    throw Error(ErrorKind::Input, source + ": the list of streams is missing or too long");
-  if (streams->empty())
+  std::vector<VideoStream> all = parse_streams(text, source, "streams", parse_stream);
+  if (all.empty())
     throw Error(ErrorKind::Input, source + ": no stream with pictures",
                 "name a file that contains a video");
-  std::vector<VideoStream> all;
-  for (const json& stream : *streams) all.push_back(parse_stream(stream, source));
   return all;
+}
+
+std::vector<SoundStream> parse_sound_probe(std::string_view text, const std::string& source) {
+  return parse_streams(text, source, "sound", parse_sound);
 }
 
 std::optional<VideoEvent> parse_video_event(std::string_view line) {
@@ -202,26 +254,15 @@ fs::path find_video_program() {
 }
 
 std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {
-  const std::string path = (program.empty() ? find_video_program() : program).string();
-  const FileMark mark = mark_of(file);
-  if (const auto known = known_streams.find({mark, path})) return *known;
-  const ProgramRun result =
-      run_child({path, kForThisVersion, "probe", "--", file.string()}, kProbeLimit);
-  if (result.exit_code == kOk) {
-    std::vector<VideoStream> streams = parse_video_probe(result.output, file.string());
-    for (const VideoStream& stream : streams)
+  const auto warn = [&](const std::string& report) {
+    for (const VideoStream& stream : parse_video_probe(report, file.string()))
       if (!stream.warning.empty()) say("{}: {}\n", file.string(), stream.warning);
-    // A file that changed during the probe is probed again the next time.
-    if (mark.there && mark_of(file) == mark) known_streams.add({mark, path}, streams);
-    return streams;
-  }
-  if (result.exit_code == kInput) throw reported_error(ErrorKind::Input, result.output);
-  // Also the message of the dynamic linker, if libraries are missing in the middle of an upgrade.
-  if (result.exit_code > 0) throw reported_error(ErrorKind::Failed, result.output);
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: the program that examines it {}", file.string(),
-                          result.timed_out ? "does not end" : "crashed or took longer than 20 s"),
-              "the file is broken, or its disk too slow; convert it again");
+  };
+  return parse_video_probe(report_of(file, program, warn), file.string());
+}
+
+std::vector<SoundStream> probe_sound(const fs::path& file, const fs::path& program) {
+  return parse_sound_probe(report_of(file, program, [](const std::string&) {}), file.string());
 }
 
 }  // namespace lenticule::player

@@ -41,9 +41,24 @@ struct VideoStream {
   std::string refusal;                ///< reason why it cannot be decoded; empty if it can
 };
 
+/// A stream of sound.
+struct SoundStream {
+  int index = 0;
+  int channels = 0;
+  int sample_rate = 0;
+  std::string codec;     ///< escaped, like all text here
+  std::string language;  ///< the tag, as "ger" or "de"; may be empty
+  std::optional<double> duration_s;
+  std::string refusal;  ///< reason why it cannot be decoded; empty if it can
+};
+
 /// Parses a probe's report. Throws Error(Input) "source: cause" if it is malformed, if a stream's
 /// sizes or numbers are out of range, and if it has no streams.
 [[nodiscard]] std::vector<VideoStream> parse_video_probe(std::string_view text,
+                                                         const std::string& source);
+
+/// Returns the streams of sound of a probe's report; none is no error. Throws as parse_video_probe.
+[[nodiscard]] std::vector<SoundStream> parse_sound_probe(std::string_view text,
                                                          const std::string& source);
 
 /// A line that a decoder prints while it works.
@@ -74,6 +89,10 @@ inline constexpr const char* kForThisVersion = "--for=" LENTICULE_VERSION;
 /// is unchanged. Throws Error(Input) with the program's message if the file is not a video,
 /// Error(Failed) if the program does not work. An empty `program` is searched for.
 [[nodiscard]] std::vector<VideoStream> probe_video(const std::filesystem::path& file,
+                                                   const std::filesystem::path& program = {});
+
+/// Returns the file's streams of sound, as probe_video() does.
+[[nodiscard]] std::vector<SoundStream> probe_sound(const std::filesystem::path& file,
                                                    const std::filesystem::path& program = {});
 
 }  // namespace lenticule::player

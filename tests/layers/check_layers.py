@@ -72,9 +72,11 @@ LIBRARIES = {
            "apps/lenticule-web apps/lenticule-window",
     "SDL2": "apps/lenticule-window",
     "systemd": "player",
+    "alsa": "player",
     "zstd": "frames lab apps/lenticule-bench",
     "lz4": "frames lab apps/lenticule-bench",
     "libav": "apps/lenticule-video",
+    "libswresample": "apps/lenticule-video",
     "seccomp": "apps/lenticule-video",
 }
 
