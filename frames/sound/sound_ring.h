@@ -50,7 +50,7 @@ class SoundRing {
     map(::fstat(fd_.get(), &status) == 0 &&
         status.st_size == static_cast<off_t>(bytes_of(channels_)));
     header_ = std::launder(reinterpret_cast<Header*>(mapping_.bytes().data()));
-    written_ = header_->written.load(std::memory_order_relaxed);
+    made_ = header_->written.load(std::memory_order_relaxed);
   }
 
   [[nodiscard]] int fd() const { return fd_.get(); }
@@ -58,20 +58,20 @@ class SoundRing {
   // The decoder's thread.
   /// Returns the number of frames that can be written now.
   [[nodiscard]] uint64_t room() const noexcept {
-    const uint64_t ahead = written_ - header_->floor.load(std::memory_order_acquire);
+    const uint64_t ahead = made_ - header_->floor.load(std::memory_order_acquire);
     return ahead < kFrames ? kFrames - ahead : 0;
   }
   /// Writes whole frames, at most room().
   void write(std::span<const float> samples) noexcept {
     for (size_t done = 0; done < samples.size();) {
-      float* const to = place(written_ + done / channels_);
+      float* const to = place(made_ + done / channels_);
       const size_t run =
           std::min(samples.size() - done, static_cast<size_t>(samples_ + kFrames * channels_ - to));
       std::copy_n(samples.data() + done, run, to);
       done += run;
     }
-    written_ += samples.size() / channels_;
-    header_->written.store(written_, std::memory_order_release);
+    made_ += samples.size() / channels_;
+    header_->written.store(made_, std::memory_order_release);
   }
 
   // The player's sound thread.
@@ -123,7 +123,8 @@ class SoundRing {
   Mapping mapping_;
   Header* header_ = nullptr;
   float* samples_ = nullptr;
-  uint64_t written_ = 0;  ///< by the decoder; the player's view of it
+  uint64_t made_ = 0;     ///< frames that the decoder has written
+  uint64_t written_ = 0;  ///< those that the player has seen
   uint64_t floor_ = 0;    ///< the player's own; that in the memory is for the decoder
 };
 

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "base/text.h"
+#include "player/playback/sound_clock.h"
 
 namespace lenticule::player {
 namespace {
@@ -37,6 +38,7 @@ const std::vector<VerbRow>& verbs() {
       {ControlVerb::Loop, "loop", {"count"}},
       {ControlVerb::Speed, "speed", {"factor"}},
       {ControlVerb::Power, "power", {"to"}},
+      {ControlVerb::Volume, "volume", {"db"}},
       {ControlVerb::Trim, "trim", {"offset", "pitch", "offset_by", "pitch_by"}},
       {ControlVerb::Rig, "rig", {"toml"}},
       {ControlVerb::Snapshot, "snapshot", {"file", "eye", "panel"}},
@@ -119,6 +121,13 @@ uint32_t permille(const json& value) {
                                              kLeastSpeed, kMostSpeed));
 }
 
+double decibels(const json& value) {
+  const double db = real("db", value);
+  if (db >= kLeastVolumeDb && db <= kMostVolumeDb) return db;
+  refuse("db: out of range", fmt::format("a number from {} to {}; 0 leaves the sound as it is",
+                                         kLeastVolumeDb, kMostVolumeDb));
+}
+
 bool flag(const std::string& field, const json& value) {
   if (value.is_boolean()) return value.get<bool>();
   refuse(fmt::format("{}: not true or false", field));
@@ -137,6 +146,7 @@ void take_field(const std::string& field, const json& value, ControlRequest& req
   if (field == "then_back") request.then_back = flag(field, value);
   if (field == "factor") request.speed_permille = permille(value);
   if (field == "to") request.on = on_or_off(value);
+  if (field == "db") request.volume_db = decibels(value);
   if (field == "count") request.loops = count_of_loops(value);
   if (field == "offset" || field == "offset_by") request.offset_lenses = real(field, value);
   if (field == "pitch" || field == "pitch_by") request.pitch_relative = real(field, value);
@@ -166,6 +176,8 @@ void check_complete(const ControlRequest& request, const json& line) {
       return needs("factor");
     case ControlVerb::Power:
       return needs("to");
+    case ControlVerb::Volume:
+      return needs("db");
     case ControlVerb::Rig:
       return needs("toml");
     case ControlVerb::Snapshot:

@@ -31,6 +31,7 @@ enum class ControlVerb {
   Loop,
   Speed,
   Power,
+  Volume,
   Trim,
   Rig,
   Snapshot,
@@ -55,6 +56,7 @@ struct ControlRequest {
   uint64_t loops = 0;               ///< loop; 0 = forever
   uint32_t speed_permille = 1000;   ///< speed
   bool on = true;                   ///< power
+  double volume_db = 0.0;           ///< volume
   /// trim: absolute values, or increments if `relative`.
   std::optional<double> offset_lenses{};
   std::optional<double> pitch_relative{};

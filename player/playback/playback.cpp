@@ -224,7 +224,10 @@ class Presenter {
       const Nanoseconds event = awaited_by() + event_timeout();
       handle(display_.wait_event(std::min(event, display_.now() + kLongestTurn), wake_.fd()));
       publish();
+      if (options_.sound != nullptr && options_.sound->advance)
+        options_.sound->advance(display_.now());
     }
+    hold_sound(true);
     land_pending_flip();
   }
   /// Waits until enough frames are ready to start: all requested, all possible, or those that
@@ -284,6 +287,7 @@ class Presenter {
       if (target >= pacer_.first_vblank() + *options_.vblanks)
         end_vblank_ = pacer_.first_vblank() + *options_.vblanks;
     if (end_vblank_) return end_at_vblank(*end_vblank_, outcome_at_end_);
+    hold_sound(off || paused);
     if (off || (paused && !shows_one_more_)) {
       starved_since_.reset();
       pacer_.begin_epoch();
@@ -340,6 +344,11 @@ class Presenter {
                 .item = head.item,
                 .cut = head.cut,
                 .timed = timed_cut_.has_value()};
+    // The sound of a new item is prepared before its first frame appears.
+    if (pacer_.started() && (head.item != sound_.item || head.cut != sound_.cut))
+      anchor_sound(*pending_, head.index,
+                   vblanks_.time_of(target) - vblanks_.last_time() +
+                       Nanoseconds(pacer_.scheduled() ? cadence_offset(target) : 0));
     timed_cut_.reset();
     shows_one_more_ = false;
     refused_in_a_row_ = 0;
@@ -508,8 +517,44 @@ class Presenter {
                                .cut = pending_->cut,
                                .time = event.time},
                               pacer_.counts());
+    // The frame after the displayed one is due at its ideal time.
+    anchor_sound(*pending_, pacer_.frame(), Nanoseconds(cadence_offset(vblanks_.last())));
     events_lost_in_a_row_ = 0;
     end_flip();
+  }
+  /// Returns the ideal time of the pacer's frame after a vblank, in nanoseconds.
+  [[nodiscard]] int64_t cadence_offset(uint64_t vblank) const noexcept {
+    return static_cast<int64_t>(pacer_.vblanks_to_ideal(vblank) *
+                                static_cast<double>(vblanks_.period().count()));
+  }
+  /// States that frame `index` of the playback, of the flip's item, is due `after` the last vblank.
+  void anchor_sound(const PendingFlip& flip, uint64_t index, Nanoseconds after) noexcept {
+    if (options_.sound == nullptr) return;
+    const auto due = static_cast<uint64_t>((vblanks_.last_time() + after).count());
+    const frames::Rate rate = pacer_.content_rate();
+    const bool begins = sound_.due_ns == 0 || flip.item != sound_.item || flip.cut != sound_.cut;
+    if (begins) {
+      sound_.round = sound_.round_frames = 0;
+      sound_.begun_ns =
+          index == flip.id ? due : static_cast<uint64_t>(vblanks_.last_time().count());
+    } else if (flip.number < sound_number_) {
+      ++sound_.round;
+      sound_.round_frames = sound_number_ + 1;
+    }
+    sound_number_ = flip.number;
+    sound_.item = flip.item;
+    sound_.number = flip.number + (index - flip.id);
+    sound_.due_ns = due;
+    sound_.cut = flip.cut;
+    sound_.numerator = static_cast<uint64_t>(rate.numerator);
+    sound_.denominator = static_cast<uint64_t>(rate.denominator);
+    sound_.permille = speed_permille_.load(std::memory_order_acquire);
+    options_.sound->anchor.publish(sound_);
+  }
+  void hold_sound(bool held) noexcept {
+    if (options_.sound == nullptr || sound_.held == (held ? 1U : 0U)) return;
+    sound_.held = held ? 1 : 0;
+    options_.sound->anchor.publish(sound_);
   }
   /// Handles a wait that ended without an event: either another thread woke the presenter, or an
   /// event is missing. A flip without an event is assumed to have completed at its target; the next
@@ -603,6 +648,8 @@ class Presenter {
   bool off_ = false;                   ///< the output is switched off
   int events_lost_in_a_row_ = 0;
   int refused_in_a_row_ = 0;
+  SoundAnchor sound_;
+  uint64_t sound_number_ = 0;  ///< number of the frame that anchored the sound last
 
   WakeFd wake_;
   std::atomic<bool> stopping_{false};

@@ -10,6 +10,7 @@
 
 #include "player/playback/pacing.h"
 #include "player/playback/play_statistics.h"
+#include "player/playback/sound_clock.h"
 #include "player/step/step_pacing.h"
 
 namespace lenticule::player {
@@ -63,6 +64,8 @@ struct PlaybackOptions {
   PlaybackControl* control = nullptr;
   /// Keeps the schedule with a group of players; null = the display's clock alone.
   StepPacing* step = nullptr;
+  /// Tells the sound which frame is displayed; may be null.
+  SoundClock* sound = nullptr;
   /// Records the turns of the items; may be null.
   TurnLog* turns = nullptr;
   /// Called on the thread of play() when a turn has begun or ended, except the last end.

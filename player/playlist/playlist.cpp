@@ -367,10 +367,14 @@ class Reader {
         (void)frames::parse_picture_fit(item.fit = text(node));
       } else if (key == "schedule") {
         item.schedule = schedule(node);
+      } else if (key == "sound") {
+        item.sound = sound(node);
+      } else if (key == "volume") {
+        item.volume_db = decibels(node);
       } else if (!layout_key(key, node, content)) {
         fail(node, fmt::format("unknown key '{}'", key.substr(0, 64)),
-             "an item has source, loops, duration_s, fps, frames, cut, wait_s, weight, fit, "
-             "schedule, and the layout of its views: grid, stereo, depth...");
+             "an item has source, loops, duration_s, fps, frames, cut, sound, volume, wait_s, "
+             "weight, fit, schedule, and the layout of its views: grid, stereo, depth...");
       }
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::Input) throw;
@@ -440,6 +444,18 @@ class Reader {
   [[nodiscard]] std::string text(const toml::node& node) const {
     if (const auto* const value = node.as_string()) return value->get();
     fail(node, "not a string in quotes");
+  }
+  [[nodiscard]] std::string sound(const toml::node& node) const {
+    const std::string name = text(node);
+    if (name.empty() || name.size() > kMaxSourceBytes || name.find('\0') != std::string::npos)
+      fail(node, "sound: not a valid name", "name a file, or none");
+    return name == "none" || name.front() == '/' ? name : (folder_ / name).string();
+  }
+  [[nodiscard]] double decibels(const toml::node& node) const {
+    const auto value = node.is_number() ? node.value<double>() : std::nullopt;
+    if (value && *value >= kLeastVolumeDb && *value <= kMostVolumeDb) return *value;
+    fail(node, "volume: not a number of decibels",
+         fmt::format("write {} to {}; 0 leaves the sound as it is", kLeastVolumeDb, kMostVolumeDb));
   }
   [[nodiscard]] double seconds(const toml::node& node) const {
     const auto value = node.is_number() ? node.value<double>() : std::nullopt;

@@ -332,6 +332,7 @@ class PlaylistSource final : public frames::FrameSource {
   }
   void begin(std::unique_ptr<OpenItem> item) {
     item->number = next_number_++;
+    if (item->opened.begin_sound) item->opened.begin_sound(item->number);
     item->waiting_since = SteadyClock::now();
     current_ = std::move(item);
     next_asked_ = false;

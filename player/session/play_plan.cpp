@@ -5,6 +5,7 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "base/error.h"
 #include "base/numbers.h"
@@ -251,6 +252,23 @@ void plan_step(const PlayFlags& flags, PlayPlan& plan) {
   plan.playback.late = LatePolicy::Drop;
 }
 
+void plan_sound(const PlayFlags& flags, PlayPlan& plan) {
+  SoundOptions options{.track = flags.sound_track,
+                       .volume_db = flags.volume_db,
+                       .simulated = flags.clock == "simulated"};
+  const bool seen = display::is_kms_spec(flags.display) || plan.window;
+  options.device = !flags.sound_device.empty() ? flags.sound_device : seen ? "auto" : "none";
+  if (options.simulated && options.device != "none" && !options.device.starts_with("file:"))
+    throw Error(ErrorKind::Usage, "--sound-device: a device plays in real time",
+                "use --sound-device file:OUT.wav with --clock simulated");
+  options.delay = std::chrono::microseconds(std::llround(flags.sound_delay_ms.value_or(0.0) * 1e3));
+  if (!flags.sound.empty() && flags.sound != "none" && !mark_of(flags.sound).there)
+    throw Error(ErrorKind::Input, fmt::format("--sound {}: no such file", flags.sound),
+                "name a file with sound, or none");
+  if (flags.preflight) options.device = "none";
+  plan.sound = make_sound_player(std::move(options));
+}
+
 /// Checks the flags that state how views are laid out in a single source; items of a list state
 /// that in their names.
 void plan_content(const PlayFlags& flags, PlayPlan& plan) {
@@ -366,6 +384,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan_control(flags, plan);
   plan_proof(flags, service, plan);
   plan_step(flags, plan);
+  plan_sound(flags, plan);
   plan.context.warnings = std::make_shared<RigWarnings>();
   if (display::is_kms_spec(flags.display)) plan.display.kms = kms_options(flags, service);
   if (flags.wall.empty())
@@ -394,6 +413,7 @@ Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const P
     Playlist list = playlist_of(source, plan.playback.loops);
     PlaylistItem& item = list.items.front();
     if (source == plan.source) item.frames = plan.context.frames;
+    if (source == plan.source) item.sound = flags.sound;
     // In simulated time a picture that stays would never end: there is no moment for Ctrl-C.
     const bool stays = flags.loop.empty() && flags.clock != "simulated";
     if (item.loops != kForever && source.has_pictures())
@@ -414,8 +434,8 @@ Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const P
 }
 
 ItemOpener item_opener(const PlayPlan& plan) {
-  return [name = plan.source.text, like = plan.context](const PlaylistItem& item,
-                                                        uint64_t first_frame) {
+  return [name = plan.source.text, like = plan.context, sound = plan.sound,
+          rate = plan.playback.content](const PlaylistItem& item, uint64_t first_frame) {
     OpenContext context = like;
     context.frames = item.frames;
     if (!item.fit.empty()) context.weaving.fit = item.fit;
@@ -426,7 +446,9 @@ ItemOpener item_opener(const PlayPlan& plan) {
     context.first_frame = first_frame;
     context.plays_again =
         item.loops != 1 || item.duration_s.has_value() || item.source.may_be_still();
-    return open_source(item.source, context);
+    OpenedSource opened = open_source(item.source, context);
+    if (sound) opened.begin_sound = sound->open(item, rate, first_frame, *opened.source);
+    return opened;
   };
 }
 

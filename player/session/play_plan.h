@@ -17,6 +17,7 @@
 #include "player/playlist/folder_lists.h"
 #include "player/playlist/open_item.h"
 #include "player/session/play_service.h"
+#include "player/sound/sound_player.h"
 #include "player/sources/live_rig.h"
 #include "player/sources/open_source.h"
 #include "player/step/step_link.h"
@@ -54,6 +55,11 @@ struct PlayFlags {
   std::string control_group;
   std::string proof;  ///< "journal", "off", or empty
   std::optional<int> memory_mib;
+  std::string sound;         ///< file with sound, "none", or empty: as found
+  std::string sound_device;  ///< empty: auto on panels and windows, else none
+  std::string sound_track;
+  std::optional<double> sound_delay_ms;
+  double volume_db = 0.0;
   std::string step;  ///< name of the group
   bool leader = false;
   bool follow = false;
@@ -85,6 +91,7 @@ struct PlayPlan {
   /// A desktop window shows what two eyes see of the display, which is virtual.
   bool window = false;
   PlaybackOptions playback;
+  std::shared_ptr<SoundPlayer> sound;
   /// Timeouts for the panel; none = wait forever.
   std::optional<display::Nanoseconds> panel_at_start;
   std::optional<display::Nanoseconds> panel_after_loss;
@@ -115,7 +122,7 @@ struct PlayPlan {
 /// Returns the list to play: that of a file, or a list of one source. Throws Error.
 [[nodiscard]] Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags,
                                      const PlayPlan& plan);
-/// Returns a function that opens items as the plan's source would be opened.
+/// Returns a function that opens items, with their sound, as the plan's source would be opened.
 [[nodiscard]] ItemOpener item_opener(const PlayPlan& plan);
 
 /// Makes the plan as make_plan() does. If the display is a panel, a missing or broken rig does not

@@ -350,6 +350,11 @@ class PlayRun {
       if (interrupted()) return interrupt_exit_code();
       throw;
     }
+    if (plan_.sound) {
+      const std::string& panel = display_->mode().name;  // "HDMI-A-1 on /dev/dri/card0 ..."
+      plan_.sound->start(kms_ != nullptr ? panel.substr(0, panel.find(" on ")) : "");
+      plan_.playback.sound = &plan_.sound->clock();
+    }
     announce();
     if (flags_.trim) trim_keys_.emplace(plan_.trim);
     PlayResult result;
@@ -492,6 +497,7 @@ class PlayRun {
     Progress progress("playing", "frames", frames_to_show(source, options.loops));
     options.on_report = [&](const PlayReport& report) {
       look_after_files();
+      if (plan_.sound) plan_.sound->look();
       update_proof();
       steered_->report(report);
       report_stall(report);
@@ -660,6 +666,7 @@ class PlayRun {
     if (const auto warnings = plan_.context.warnings->all(); !warnings.empty())
       json["rig_warnings"] = warnings;
     json["stall"] = stall_;
+    if (plan_.sound) json["sound"] = plan_.sound->statistics();
     if (proof_) json["proof"] = proof_->statistics();
     if (step_) json["step"] = step_->statistics();
     if (safe_.on) {

@@ -59,6 +59,13 @@ ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
     const frames::Rate rate = needed_rate(item, *opened.source, plan);
     try {
       row["figures"] = to_json(SourcePace::measure(*opened.source, rate, kLongest));
+      if (const auto sound = find_sound(item, plan.sound->options()))
+        row["sound"] = {{"file", sound->file},
+                        {"codec", sound->stream.codec},
+                        {"channels", sound->stream.channels},
+                        {"duration_s", sound->stream.duration_s.value_or(0.0)},
+                        {"film_s", static_cast<double>(opened.source->frame_count().value_or(0)) /
+                                       rate.hertz()}};
     } catch (const Error& error) {
       row["problems"].push_back(with_remedy(error));
     }
@@ -86,6 +93,7 @@ void print_row(const ordered_json& row) {
         figures["seen_frames_per_s"].get<double>(), figures["seen_mb_per_s"].get<double>());
   else if (row["problems"].empty())
     print_out("{}: a ring is not checked\n", source);
+  if (row.contains("sound")) print_out("{}: sound: {}\n", source, json_text(row["sound"]));
 }
 
 }  // namespace

@@ -97,6 +97,10 @@ class PlayControls final : public ControlTarget {
         return go(answer);
       case ControlVerb::Speed:
         return answer(set_speed(request.speed_permille));
+      case ControlVerb::Volume:
+        if (!plan_.sound) throw Error(ErrorKind::Failed, "volume: this player has no sound");
+        plan_.sound->set_volume(request.volume_db);
+        return answer(ordered_json{{"db", request.volume_db}});
       case ControlVerb::Power:
         return work_on(answer,
                        [this, request](const Answer& done) { done(switch_output(request.on)); });
@@ -231,6 +235,7 @@ class PlayControls final : public ControlTarget {
       json.update(to_json(status.damage));
     }
     if (plan_.trim) json["trim"] = trim_json(plan_.trim->trim());
+    if (plan_.sound) json["sound"] = plan_.sound->statistics();
     for (const char* key : {"write_problems", "rig_problem"})
       if (statistics_.contains(key)) json[key] = statistics_[key];
     // Before the first report there are no statistics.
@@ -547,6 +552,10 @@ class SteeredPlay {
     detach_source();
     if (!is_list_ && !controls_ && !plan_.proof && !is_followed(plan_)) {
       opened = open_source(plan_.source, plan_.context);
+      const PlaylistItem item = read_playlist(plan_.source, flags_, plan_).items.front();
+      if (plan_.sound)
+        opened.begin_sound = plan_.sound->open(item, plan_.playback.content, 0, *opened.source);
+      if (opened.begin_sound) opened.begin_sound(0);
       if (plan_.trim) plan_.trim->note_content(opened.woven_elsewhere);
       const auto count = opened.source->frame_count();
       const bool still = count ? *count == 1 : plan_.source.may_be_still();

@@ -51,6 +51,7 @@ TEST_F(Web, EveryAnswerIsAsTheDescriptionSays) {
       {"post /api/v1/interrupt", R"({"file": "b.lts"})"},
       {"post /api/v1/cue", R"({"item": 1, "then_back": true})"},
       {"post /api/v1/speed", R"({"factor": 2})"},
+      {"post /api/v1/volume", R"({"db": -6})"},
       {"post /api/v1/power", R"({"to": "off"})"},
       {"post /api/v1/show", R"({"what": "content"})"},
       {"post /api/v1/trim", R"({"offset_by_lenses": 0.01})"},

@@ -183,6 +183,12 @@ Response post_speed(WebSite& site, const Request& request, const std::string&) {
   return ask_player(site, {{"do", "speed"}, {"factor", *factor}});
 }
 
+Response post_volume(WebSite& site, const Request& request, const std::string&) {
+  const auto db = body_number(json_body(request), "db");
+  if (!db) throw HttpError(400, "db: missing");
+  return ask_player(site, {{"do", "volume"}, {"db", *db}});
+}
+
 Response post_power(WebSite& site, const Request& request, const std::string&) {
   return ask_player(site, {{"do", "power"}, {"to", body_text(json_body(request), "to")}});
 }
@@ -474,6 +480,9 @@ constexpr std::array kRoutes = {
     Route{"POST", "/api/v1/speed", Rights::Change, kSmallBody, post_speed,
           "play at a multiple of the content's rate, 0.1 to 8", "object",
           R"({"factor": "number"})"},
+    Route{"POST", "/api/v1/volume", Rights::Change, kSmallBody, post_volume,
+          "set the volume in decibels, -80 to 12; 0 leaves the sound as it is", "object",
+          R"({"db": "number"})"},
     Route{"POST", "/api/v1/power", Rights::Change, kSmallBody, post_power,
           "switch the output off or on", "object", R"({"to": "on|off"})"},
     Route{"POST", "/api/v1/show", Rights::Change, kSmallBody, post_show,

@@ -149,6 +149,7 @@ struct CtlFlags {
   std::optional<double> length_s;
   bool then_back = false;
   std::optional<double> factor;
+  std::optional<double> volume_db;
   std::string power;
   std::optional<double> offset, pitch, offset_by, pitch_by;
   std::string file;
@@ -189,6 +190,7 @@ ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
   put(request, "seconds", flags.length_s);
   if (flags.then_back) request["then_back"] = true;
   put(request, "factor", flags.factor);
+  put(request, "db", flags.volume_db);
   if (!flags.power.empty()) request["to"] = flags.power;
   put(request, "offset", flags.offset);
   put(request, "pitch", flags.pitch);
@@ -276,6 +278,10 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
         app->add_flag("--then-back", flags.then_back, "play it once, as 'interrupt' does");
     } else if (verb == ControlVerb::Speed) {
       app->add_option("FACTOR", flags.factor, "0.1 to 8; 1 is the content's own rate")->required();
+    } else if (verb == ControlVerb::Volume) {
+      app->add_option("DB", flags.volume_db,
+                      "decibels: 0 leaves the sound as it is, -80 is silence")
+          ->required();
     } else if (verb == ControlVerb::Power) {
       app->add_option("to", flags.power, "off: no signal; on: again, at the next frame")
           ->required()
@@ -330,6 +336,7 @@ const std::vector<VerbHelp>& verb_helps() {
       {ControlVerb::Loop, "set how often the item is played", "forever"},
       {ControlVerb::Speed, "play at a multiple of the content's rate", "0.5"},
       {ControlVerb::Power, "switch the output off or on", "off"},
+      {ControlVerb::Volume, "set the volume of the sound", "-- -20"},
       {ControlVerb::Trim, "correct drift since the calibration", "--offset-by 0.02"},
       {ControlVerb::Snapshot, "write the displayed frame to a picture", "shown.png"},
       {ControlVerb::List, "print the items of the list that is played"},

@@ -168,6 +168,31 @@ void declare_display_flags(CLI::App& app, PlayFlags& flags, CLI::Option* rig) {
       ->capture_default_str();
 }
 
+void declare_sound_flags(CLI::App& app, PlayFlags& flags) {
+  app.option_defaults()->group("Sound");
+  app.add_option("--sound", flags.sound,
+                 "file with the sound of SOURCE; none: play silently\n"
+                 "By default FILM.opus, .flac, .wav, .m4a, .mp3 or .ogg beside FILM.lts, else the "
+                 "sound of a video.")
+      ->type_name("FILE|none");
+  app.add_option("--sound-device", flags.sound_device,
+                 "auto: that of the panel's own connector; none; an ALSA device; or file:OUT.wav\n"
+                 "'aplay -L' lists the devices. With auto, films stay silent until there is one.")
+      ->type_name("DEVICE")
+      ->default_str("auto, on a virtual display none");
+  app.add_option("--sound-track", flags.sound_track,
+                 "language (de) or number of the stream, for films with several")
+      ->type_name("LANGUAGE|N");
+  app.add_option("--sound-delay", flags.sound_delay_ms,
+                 "play the sound so much later, as the panel shows its pictures later")
+      ->type_name("MS")
+      ->check(CLI::Range(-500.0, 500.0));
+  app.add_option("--volume", flags.volume_db, "decibels; 0 leaves the sound as it is")
+      ->type_name("DB")
+      ->check(CLI::Range(player::kLeastVolumeDb, player::kMostVolumeDb))
+      ->capture_default_str();
+}
+
 void declare_timing_flags(CLI::App& app, PlayFlags& flags) {
   app.option_defaults()->group("Timing");
   app.add_option("--late", flags.late, "what to do about late frames")
@@ -262,6 +287,7 @@ Run declare_play(CLI::App& app) {
   declare_content_flags(app, flags->content);
   declare_weaving_flags(app, flags->weaving);
   declare_display_flags(app, *flags, rig);
+  declare_sound_flags(app, *flags);
   declare_timing_flags(app, *flags);
   declare_step_flags(app, *flags);
   declare_control_flags(app, *flags);

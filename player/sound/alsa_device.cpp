@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <alsa/asoundlib.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+#include <utility>
+
+#include "base/error.h"
+#include "player/sound/sound_device.h"
+
+namespace lenticule::player {
+namespace {
+
+constexpr unsigned kLatencyUs = 30'000;  ///< size of the device's buffer
+constexpr int kWaitMs = 100;
+constexpr int kBlocksThere = 8;  ///< more than the buffer holds
+
+template <auto kClose>
+struct Close {
+  void operator()(auto* handle) const { kClose(handle); }
+};
+
+[[noreturn]] void refuse(const std::string& name, int error) {
+  throw Error(ErrorKind::Device, fmt::format("sound device '{}': {}", name, snd_strerror(error)),
+              error == -EBUSY ? "another program uses it: end that program"
+                              : "'aplay -L' lists the devices; --sound-device none plays silently");
+}
+
+void print_nothing(const char*, int, const char*, int, const char*, ...) {}
+
+class AlsaDevice final : public SoundDevice {
+ public:
+  explicit AlsaDevice(const std::string& name) : name_(name) {
+    snd_pcm_t* opened = nullptr;
+    int error = snd_pcm_open(&opened, name.c_str(), SND_PCM_STREAM_PLAYBACK, SND_PCM_NONBLOCK);
+    if (error < 0) refuse(name, error);
+    pcm_.reset(opened);
+    error = snd_pcm_set_params(opened, SND_PCM_FORMAT_S32, SND_PCM_ACCESS_RW_INTERLEAVED,
+                               kSoundChannels, kSoundRate, 1, kLatencyUs);
+    if (error < 0) refuse(name, error);
+  }
+  [[nodiscard]] const std::string& name() const override { return name_; }
+  [[nodiscard]] Status wait(Nanoseconds) noexcept override {
+    // A device starts by itself only when it is full.
+    const snd_pcm_sframes_t room = snd_pcm_avail_update(pcm_.get());
+    if (room < 0) return recover(static_cast<int>(room));
+    const bool fits = room >= static_cast<snd_pcm_sframes_t>(kSoundBlock);
+    if (fits && ++in_a_row_ < kBlocksThere) return Status::Ready;
+    in_a_row_ = 0;
+    if (fits) {  // a device without a clock ("null") always has room
+      std::this_thread::sleep_for(std::chrono::milliseconds(kWaitMs / 5));
+      return Status::NotYet;
+    }
+    if (snd_pcm_state(pcm_.get()) == SND_PCM_STATE_PREPARED) (void)snd_pcm_start(pcm_.get());
+    const int error = snd_pcm_wait(pcm_.get(), kWaitMs);
+    return error < 0 ? recover(error) : Status::NotYet;
+  }
+  [[nodiscard]] Nanoseconds heard_at(Nanoseconds now) noexcept override {
+    snd_pcm_sframes_t delay = 0;
+    if (snd_pcm_delay(pcm_.get(), &delay) < 0) delay = 0;
+    return now + Nanoseconds(delay * 1'000'000'000 / kSoundRate);
+  }
+  [[nodiscard]] Status write(std::span<const float> block) noexcept override {
+    std::ranges::transform(block, codes_.begin(), [](float x) {
+      return static_cast<int32_t>(std::lrint(x * 2147483520.0F));
+    });
+    const snd_pcm_sframes_t done =
+        snd_pcm_writei(pcm_.get(), codes_.data(), block.size() / kSoundChannels);
+    return done < 0 ? recover(static_cast<int>(done)) : Status::Ready;
+  }
+
+ private:
+  [[nodiscard]] Status recover(int error) noexcept {
+    if (error == -EAGAIN) return Status::NotYet;
+    return snd_pcm_recover(pcm_.get(), error, 1) < 0 ? Status::Lost : Status::Underrun;
+  }
+
+  std::string name_;
+  std::unique_ptr<snd_pcm_t, Close<snd_pcm_close>> pcm_;
+  int in_a_row_ = 0;  ///< blocks without a wait
+  std::array<int32_t, kSoundBlock * kSoundChannels> codes_{};
+};
+
+/// Returns the bytes of the EDID that the kernel has for a connector, of whichever graphics card.
+std::optional<PanelCode> panel_on(const std::string& connector) {
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator("/sys/class/drm", ignored)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with("card") || !name.ends_with("-" + connector)) continue;
+    std::ifstream file(entry.path() / "edid", std::ios::binary);
+    std::array<char, 12> head{};
+    PanelCode code{};
+    if (!file.read(head.data(), head.size())) continue;
+    std::copy_n(head.begin() + 8, code.size(), code.begin());
+    return code;
+  }
+  return std::nullopt;
+}
+
+std::optional<PanelCode> panel_of(snd_ctl_t* control, int device) {
+  snd_ctl_elem_value_t* value = nullptr;
+  snd_ctl_elem_info_t* info = nullptr;
+  snd_ctl_elem_value_alloca(&value);
+  snd_ctl_elem_info_alloca(&info);
+  snd_ctl_elem_info_set_interface(info, SND_CTL_ELEM_IFACE_PCM);
+  snd_ctl_elem_info_set_name(info, "ELD");
+  snd_ctl_elem_info_set_device(info, static_cast<unsigned>(device));
+  if (snd_ctl_elem_info(control, info) < 0) return std::nullopt;
+  snd_ctl_elem_value_set_numid(value, snd_ctl_elem_info_get_numid(info));
+  if (snd_ctl_elem_read(control, value) < 0) return std::nullopt;
+  const auto* const bytes = static_cast<const uint8_t*>(snd_ctl_elem_value_get_bytes(value));
+  return panel_of_eld({bytes, std::min<size_t>(snd_ctl_elem_info_get_count(info), 512)});
+}
+
+}  // namespace
+
+std::unique_ptr<SoundDevice> open_alsa(const std::string& name) {
+  // libasound prints to standard error, which belongs to the player.
+  snd_lib_error_set_handler(print_nothing);
+  return std::make_unique<AlsaDevice>(name);
+}
+
+std::string alsa_device_of(const std::string& connector) {
+  const std::optional<PanelCode> panel = panel_on(connector);
+  for (int card = -1; panel && snd_card_next(&card) == 0 && card >= 0;) {
+    snd_ctl_t* opened = nullptr;
+    if (snd_ctl_open(&opened, fmt::format("hw:{}", card).c_str(), SND_CTL_READONLY) < 0) continue;
+    const std::unique_ptr<snd_ctl_t, Close<snd_ctl_close>> control(opened);
+    for (int device = -1; snd_ctl_pcm_next_device(opened, &device) == 0 && device >= 0;)
+      if (panel_of(opened, device) == panel) return fmt::format("plughw:{},{}", card, device);
+  }
+  return "default";
+}
+
+std::unique_ptr<SoundDevice> record_wav(const std::string& file) {
+  struct Wav {
+    std::FILE* out = nullptr;
+    uint32_t bytes = 0;
+    void write_header() const {
+      constexpr uint32_t kFrame = kSoundChannels * 2, kForm = 1 | kSoundChannels << 16;
+      constexpr uint32_t kRiff = 0x46464952, kWave = 0x45564157, kFmt = 0x20746d66;
+      const uint32_t words[] = {kRiff,
+                                36 + bytes,
+                                kWave,
+                                kFmt,
+                                16,
+                                kForm,
+                                kSoundRate,
+                                kSoundRate * kFrame,
+                                kFrame | 16 << 16,
+                                0x61746164,
+                                bytes};
+      (void)std::fwrite(words, 4, std::size(words), out);
+    }
+    ~Wav() {
+      if (out == nullptr) return;
+      std::rewind(out);
+      write_header();
+      std::fclose(out);
+    }
+  };
+  const auto wav = std::make_shared<Wav>();
+  wav->out = std::fopen(file.c_str(), "wbe");
+  if (wav->out == nullptr)
+    throw Error(ErrorKind::Failed, fmt::format("{}: {}", file, std::strerror(errno)),
+                "name a file in a folder that you may write to");
+  wav->write_header();
+  return std::make_unique<SoundRecorder>("file:" + file, [wav](std::span<const float> block) {
+    std::array<int16_t, kSoundBlock * kSoundChannels> codes{};
+    std::ranges::transform(block, codes.begin(),
+                           [](float x) { return static_cast<int16_t>(std::lrint(x * 32767.0F)); });
+    constexpr uint32_t kMost = 0xf0000000;  // a WAV file cannot be longer
+    if (wav->bytes > kMost) return;
+    (void)std::fwrite(codes.data(), 2, block.size(), wav->out);
+    wav->bytes += static_cast<uint32_t>(block.size() * 2);
+  });
+}
+
+}  // namespace lenticule::player

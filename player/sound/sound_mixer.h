@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: Apache-2.0
+// SoundMixer computes what is heard at a time: the sound of the displayed item, at the place of the
+// displayed picture.
+//
+// The panel's clock leads. Each block of samples is computed for the time at which the device will
+// play it; the SoundAnchor says which picture, and so which sample, belongs to that time. While
+// the sample that comes next anyway is less than 8 ms away from it, the sound follows slowly: it
+// is resampled (windowed sinc, 32 taps) by 0.02 % per millisecond, at most 0.5 %, so that 200 ppm
+// between the two clocks leave 1 ms. Otherwise, and after a start, a seek, a pause or a change of
+// item, it jumps, with fades of 10 ms. A round of a film joins the next one in the ring.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <optional>
+#include <span>
+#include <thread>
+
+#include "frames/rational.h"
+#include "frames/sound/sound_ring.h"
+#include "player/playback/play_statistics.h"
+#include "player/playback/sound_clock.h"
+#include "player/sound/sound_device.h"
+
+namespace lenticule::player {
+
+/// The sound of an item, as one decoder delivers it. Constant except for the ring.
+struct ItemSamples {
+  frames::SoundRing ring{kSoundChannels};
+  uint64_t serial = 0;                ///< differs from that of all others
+  std::optional<frames::Rate> fps{};  ///< rate of the pictures; none: a still picture
+  uint64_t frames = 0;                ///< pictures of a round; 0: not known
+  bool knows_length = false;          ///< the decoder finds the length of a round by itself
+  uint64_t rounds = 0;                ///< after which comes silence; 0: without end
+  uint64_t first_round = 0;           ///< round in which frame 0 of the ring lies
+  double first = 0.0;                 ///< samples of that round before frame 0
+  float gain = 1.0F;
+};
+
+/// SoundSlot is the place of an item's sound. Its owner fills it, the mixer reads it.
+struct SoundSlot {
+  static constexpr uint64_t kNoItem = ~uint64_t{0};
+  std::atomic<uint64_t> item{kNoItem};
+  std::atomic<ItemSamples*> samples{nullptr};
+  std::atomic<bool> needs_decoder{false};  ///< the ring will never have what is due
+};
+
+struct SoundCounts {
+  Counter underruns;  ///< times that the decoder was late
+  Counter jumps;      ///< times that the sound was moved because it was too far away
+  Counter offset_us;  ///< smoothed distance between sound and picture
+  Counter worst_us;   ///< the largest one, a second or more after a jump
+  Counter playing;    ///< 1 while an item's sound is heard
+};
+
+/// Thread safety: set_volume(), counts(), slots and retire() on any thread, the rest on one.
+class SoundMixer {
+ public:
+  /// Lifetime: the clock must outlive the mixer.
+  explicit SoundMixer(const SoundClock& clock) : clock_(clock) {
+    using std::numbers::pi;
+    for (int phase = 0; phase <= kPhases; ++phase)
+      for (int k = 0; k < kTaps; ++k) {
+        const double x = k - kBefore - static_cast<double>(phase) / kPhases;
+        const double window = 0.5 + 0.5 * std::cos(2.0 * pi * x / (kTaps + 1));
+        const double tap = std::abs(x) < 1e-9 ? 1.0 : std::sin(pi * x) / (pi * x) * window;
+        // A whole number of samples is no change at all.
+        const bool zero = phase % kPhases == 0 && std::abs(x) > 0.5;
+        filter_[static_cast<size_t>(phase)][static_cast<size_t>(k)] =
+            zero ? 0.0F : static_cast<float>(tap);
+      }
+  }
+
+  /// Fills a block of kSoundBlock frames that is heard from this time on. Takes no lock and
+  /// allocates nothing.
+  void render(std::span<float> block, Nanoseconds heard) noexcept {
+    turn_.fetch_add(1);
+    std::ranges::fill(block, 0.0F);
+    const SoundAnchor anchor = clock_.anchor.read();
+    const Place due = place_at(anchor, heard);
+    const bool same =
+        due.samples != nullptr && due.samples->serial == serial_ && anchor.cut == cut_;
+    if (same) follow(due);
+    const bool jumps = same && far_ >= kBlocksFar;
+    if (serial_ != 0 && (!same || jumps)) fade_out();
+    if (due.samples == nullptr) {
+      serial_ = 0;
+    } else if (!same || jumps) {
+      if (jumps) counts_.jumps.add();
+      serial_ = due.samples->serial;
+      cut_ = anchor.cut;
+      at_ = std::round(due.at);  // whole samples stay what they are while the clocks agree
+      speed_ = due.speed;
+      error_ = 0.0;
+      far_ = 0;
+      since_jump_ = 0;
+      fade_in_ = at_ + due.samples->first > 0.001 * kSoundRate ? kFade : 0;
+    }
+    if (serial_ != 0) play(*due.samples, block);
+    for (float* out = block.data(); tail_at_ < tail_.size() && out < block.data() + block.size();)
+      *out++ += tail_[tail_at_++];
+    std::ranges::transform(block, block.begin(), sample);
+    counts_.playing.set(serial_ != 0 ? 1 : 0);
+    turn_.fetch_add(1);
+  }
+  /// Returns true if render() would find all samples, or none is due.
+  [[nodiscard]] bool is_ready(Nanoseconds heard) noexcept {
+    const Place due = place_at(clock_.anchor.read(), heard);
+    if (due.samples == nullptr) return true;
+    const auto from = static_cast<uint64_t>(std::max(0.0, due.at));
+    (void)due.samples->ring.look();
+    due.samples->ring.play_from(from);
+    return due.samples->ring.holds(from + kAhead);
+  }
+
+  void set_volume(float gain) noexcept { volume_.store(gain); }
+  [[nodiscard]] std::array<SoundSlot, 16>& slots() noexcept { return slots_; }
+  /// Takes the samples out of a slot; afterwards the mixer does not use them.
+  void retire(SoundSlot& slot) noexcept {
+    slot.samples.store(nullptr);
+    const uint64_t turn = turn_.load();
+    while (turn % 2 != 0 && turn_.load() == turn) std::this_thread::yield();
+  }
+  [[nodiscard]] const SoundCounts& counts() const noexcept { return counts_; }
+
+ private:
+  static constexpr int kTaps = 32, kBefore = kTaps / 2 - 1, kPhases = 256;
+  static constexpr size_t kFade = kSoundRate / 100;
+  static constexpr uint64_t kAhead = 2 * kSoundBlock + kTaps;  ///< needed to play a block
+  static constexpr double kFarthest = 0.008 * kSoundRate;      ///< beyond it the sound jumps
+  static constexpr int kBlocksFar = 4;                   ///< but not for one wrong time of a device
+  static constexpr double kNear = 0.00025 * kSoundRate;  ///< within it nothing is corrected
+  static constexpr double kMostCorrection = 0.005, kSecondsToCorrect = 5.0;
+  static constexpr double kSmoothing = kSoundBlock / (0.5 * kSoundRate);
+  static constexpr double kMostLocked = 0.0055;  ///< to which a rate is locked to the panel's
+  static constexpr double kLongestStall = 0.3;   ///< seconds
+
+  /// Place is what is due: a frame of an item's ring, with its fraction, and the speed.
+  struct Place {
+    ItemSamples* samples = nullptr;
+    double at = 0.0;
+    double speed = 1.0;  ///< samples of the film per sample that is heard
+  };
+  /// Makes any float a sample: the decoder is not trusted.
+  static float sample(float x) noexcept {
+    if (x >= -1.0F && x <= 1.0F) return x;
+    return x > 1.0F ? 1.0F : x < -1.0F ? -1.0F : 0.0F;  // the last for not-a-number
+  }
+
+  [[nodiscard]] Place place_at(const SoundAnchor& anchor, Nanoseconds heard) noexcept {
+    if (anchor.due_ns == 0 || anchor.held != 0 || anchor.permille != 1000) return {};
+    const auto slot = std::ranges::find(slots_, anchor.item,
+                                        [](const SoundSlot& one) { return one.item.load(); });
+    ItemSamples* const samples = slot == slots_.end() ? nullptr : slot->samples.load();
+    if (samples == nullptr) return {};
+    const auto since = [&](uint64_t ns) {
+      return static_cast<double>(heard.count() - static_cast<int64_t>(ns)) * 1e-9;
+    };
+    if (!samples->fps) return {.samples = samples, .at = since(anchor.begun_ns) * kSoundRate};
+    const double fps = samples->fps->hertz();
+    const double speed =
+        static_cast<double>(anchor.numerator) / static_cast<double>(anchor.denominator) / fps;
+    if (since(anchor.due_ns) > kLongestStall || std::abs(speed - 1.0) > kMostLocked) return {};
+    const uint64_t round = anchor.round - samples->first_round;
+    const uint64_t frames =
+        samples->frames > 0 || !samples->knows_length ? samples->frames : anchor.round_frames;
+    const double frame =
+        static_cast<double>(round * frames + anchor.number) + since(anchor.due_ns) * fps * speed;
+    const double at = frame * kSoundRate / fps - samples->first;
+    const bool never = anchor.round < samples->first_round || (round > 0 && frames == 0) ||
+                       (at >= 0.0 && samples->ring.is_gone(static_cast<uint64_t>(at)));
+    if (never) slot->needs_decoder.store(true);
+    const auto end = static_cast<double>(frames * (samples->rounds - samples->first_round));
+    const bool over = samples->rounds > 0 && frames > 0 && frame >= end;
+    return never || over ? Place{} : Place{.samples = samples, .at = at, .speed = speed};
+  }
+  /// Computes the 10 ms that follow of what was played, while it becomes silent.
+  void fade_out() noexcept {
+    tail_.fill(0.0F);
+    tail_at_ = 0;
+    for (const SoundSlot& slot : slots_)
+      if (ItemSamples* const samples = slot.samples.load();
+          samples != nullptr && samples->serial == serial_)
+        play(*samples, tail_);
+    for (size_t k = 0; k < tail_.size(); ++k)
+      tail_[k] *= 1.0F - static_cast<float>(k / kSoundChannels + 1) / kFade;
+  }
+  void follow(const Place& due) noexcept {
+    const double error = due.at - at_;
+    far_ = std::abs(error) > kFarthest ? far_ + 1 : 0;
+    error_ += (error - error_) * kSmoothing;
+    const double beyond = std::abs(error_) < kNear ? 0.0 : error_;
+    speed_ = due.speed * (1.0 + std::clamp(beyond / (kSoundRate * kSecondsToCorrect),
+                                           -kMostCorrection, kMostCorrection));
+    const auto offset_us = static_cast<uint64_t>(std::abs(error_) * 1e6 / kSoundRate);
+    counts_.offset_us.set(offset_us);
+    since_jump_ += kSoundBlock;
+    if (since_jump_ > kSoundRate) counts_.worst_us.set(std::max(counts_.worst_us.get(), offset_us));
+  }
+  /// Writes the frames from at_ on, and moves on. Becomes silent before the ring is empty.
+  void play(ItemSamples& samples, std::span<float> out) noexcept {
+    frames::SoundRing& ring = samples.ring;
+    (void)ring.look();
+    ring.play_from(static_cast<uint64_t>(std::max(0.0, at_ - kTaps)));
+    const bool there = ring.holds(static_cast<uint64_t>(std::max(0.0, at_)) + kAhead);
+    if (!there && !late_) counts_.underruns.add();
+    late_ = !there;
+    const float target = there ? volume_.load(std::memory_order_relaxed) * samples.gain : 0.0F;
+    if (since_jump_ == 0) gain_ = target;
+    const float step = (target - gain_) / static_cast<float>(out.size() / kSoundChannels);
+    for (size_t k = 0; k < out.size(); k += kSoundChannels, at_ += speed_) {
+      float gain = gain_ += step;
+      if (fade_in_ > 0) gain *= 1.0F - static_cast<float>(fade_in_--) / kFade;
+      read(ring, at_, gain, &out[k]);
+    }
+    gain_ = target;
+  }
+  void read(const frames::SoundRing& ring, double at, float gain, float* out) const noexcept {
+    const double whole = std::floor(at);
+    const auto add = [&](int64_t frame, float weight) {
+      if (frame < 0 || !ring.holds(static_cast<uint64_t>(frame))) return;
+      const float* const from = ring.at(static_cast<uint64_t>(frame));
+      for (size_t c = 0; c < kSoundChannels; ++c) out[c] += weight * sample(from[c]);
+    };
+    if (at == whole) return add(static_cast<int64_t>(whole), gain);
+    const double place = (at - whole) * kPhases;
+    const auto phase = static_cast<size_t>(place);
+    const auto part = static_cast<float>(place - std::floor(place));
+    for (size_t k = 0; k < kTaps; ++k)
+      add(static_cast<int64_t>(whole) + static_cast<int64_t>(k) - kBefore,
+          gain * (filter_[phase][k] + part * (filter_[phase + 1][k] - filter_[phase][k])));
+  }
+
+  const SoundClock& clock_;
+  std::array<SoundSlot, 16> slots_;
+  std::atomic<uint64_t> turn_{0};  ///< odd while the mixer may use samples
+  std::atomic<float> volume_{1.0F};
+  SoundCounts counts_;
+  std::array<std::array<float, kTaps>, kPhases + 1> filter_{};
+
+  uint64_t serial_ = 0;  ///< of the samples that are played; 0: none
+  uint64_t cut_ = 0;
+  double at_ = 0.0;     ///< frame of the ring that is heard next
+  double speed_ = 1.0;  ///< with the correction
+  double error_ = 0.0;  ///< smoothed distance from what is due, in frames
+  int far_ = 0;         ///< number of blocks for which the sound has been too far away
+  uint64_t since_jump_ = 0;
+  float gain_ = 0.0F;
+  size_t fade_in_ = 0;  ///< frames until the sound has its full volume
+  bool late_ = false;
+  std::array<float, kFade * kSoundChannels> tail_{};  ///< what fades out, from tail_at_ on
+  size_t tail_at_ = kFade * kSoundChannels;
+};
+
+}  // namespace lenticule::player

@@ -1,0 +1,410 @@
+// SPDX-License-Identifier: Apache-2.0
+// Plays films of flashes and clicks on the virtual display in simulated time, records what is
+// heard, and compares the times. Every case is the same on every run.
+#include "player/sound/sound_mixer.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <vector>
+
+#include "display/virtual/virtual_display.h"
+#include "player/playback/playback.h"
+#include "tests/support/allocation_count.h"
+#include "tests/support/fakes/fake_source.h"
+
+namespace lenticule::player {
+namespace {
+
+using display::EventFate;
+using std::chrono::milliseconds;
+
+constexpr frames::FrameGeometry kSmall{.width = 16, .height = 8};
+constexpr double kMost = 0.010;  ///< seconds between a flash and its click
+
+class VblankHook final : public display::VirtualFaults {
+ public:
+  std::function<void(uint64_t)> before_vblank;
+  EventFate fate(uint64_t sequence) noexcept override {
+    if (before_vblank) before_vblank(sequence);
+    return EventFate::Deliver;
+  }
+  display::Nanoseconds event_delay(uint64_t) noexcept override { return display::Nanoseconds{0}; }
+};
+
+/// Frames whose numbers restart in each round and jump at cuts; every 15th of each item flashes.
+class FlashSource final : public test::PlainSource {
+ public:
+  explicit FlashSource(uint64_t first = 0) : number_(first) {}
+  uint64_t frames = 120, rounds = 1;
+  std::optional<frames::Rate> own_rate = frames::Rate{60, 1};
+  std::vector<uint64_t> items = {0};  ///< numbers of the items that follow each other
+  std::function<bool(uint64_t)> is_late;
+
+  void jump_by(uint64_t frames_ahead) {
+    number_ += frames_ahead;
+    ++cut_;
+  }
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return kSmall; }
+  [[nodiscard]] std::optional<frames::Rate> rate() const override { return own_rate; }
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
+    if (number_ >= frames) {
+      number_ = 0;
+      if (++round_ == rounds) round_ = 0, ++item_;
+    }
+    if (item_ == items.size()) return frames::PullStatus::End;
+    if (is_late && is_late(pulled_)) return frames::PullStatus::NotYet;
+    ++pulled_;
+    const bool flashes = number_ % 15 == 7;
+    pixels_ = frames::WovenFrame(kSmall);
+    std::ranges::fill(pixels_.bytes(), static_cast<uint8_t>(flashes ? 255 : 0));
+    out = {.frame = pixels_.view(),
+           .number = number_++,
+           .token = 0,
+           .item = static_cast<uint32_t>(items[item_])};
+    return frames::PullStatus::Ready;
+  }
+  [[nodiscard]] uint64_t cut() const override { return cut_; }
+
+ private:
+  frames::WovenFrame pixels_{kSmall};
+  uint64_t number_, round_ = 0, item_ = 0, pulled_ = 0, cut_ = 0;
+};
+
+/// Remembers when flashes were displayed.
+class FlashRecorder final : public display::ScanoutRecorder {
+ public:
+  void record(const display::ShownFrame& shown,
+              const display::ScanoutView& scanout) noexcept override {
+    const double now = std::chrono::duration<double>(shown.time).count();
+    if (begin < 0.0) begin = now;
+    if ((scanout.pixels[0] & 0xff) > 128) flashes.push_back(now);
+  }
+  void finish() override {}
+  double begin = -1.0;
+  std::vector<double> flashes;
+};
+
+class Sound : public testing::Test {
+ protected:
+  std::shared_ptr<display::SimulatedClock> clock = std::make_shared<display::SimulatedClock>();
+  std::shared_ptr<VblankHook> hook = std::make_shared<VblankHook>();
+  std::shared_ptr<FlashRecorder> panel = std::make_shared<FlashRecorder>();
+  frames::Rate refresh{60, 1};
+  PlaybackControl control;
+  SoundClock sound;
+  SoundMixer mixer{sound};
+  PlaybackOptions options{.filling = Filling::InPresenter, .control = &control, .sound = &sound};
+  std::vector<float> heard;  ///< left channel
+  double heard_from = 0.0;   ///< time of its first sample
+  std::map<uint64_t, ItemSamples> items;
+  std::function<float(uint64_t item, uint64_t place)> film = click;
+  std::function<bool()> decodes = [] { return true; };
+  uint64_t serials = 0;
+  double ppm = 0.0;
+
+  /// A click of 1 ms begins with each flash of a film of 60 frames a second.
+  static float click(uint64_t, uint64_t place) {
+    return place % 12'000 >= 5'600 && place % 12'000 < 5'648 ? 0.5F : 0.0F;
+  }
+  void add_sound(uint64_t item, uint64_t frames) {
+    ItemSamples& made = items[item];
+    made.serial = ++serials;
+    made.fps = frames::Rate{60, 1};
+    made.frames = frames;
+    SoundSlot& slot = mixer.slots()[items.size() - 1];
+    slot.samples.store(&made);
+    slot.item.store(item);
+  }
+  /// Writes what a decoder would write.
+  void decode() {
+    for (auto& [item, made] : items) {
+      frames::SoundRing decoder(UniqueFd(::dup(made.ring.fd())), kSoundChannels);
+      std::vector<float> piece;
+      const uint64_t round = made.frames * 800;
+      for (uint64_t left = decodes() ? decoder.room() : 0; left > 0; --left, ++written[item]) {
+        const float x = film(item, round == 0 ? written[item] : written[item] % round);
+        piece.insert(piece.end(), {x, x});
+      }
+      decoder.write(piece);
+    }
+  }
+  std::map<uint64_t, uint64_t> written;
+
+  PlayResult play_film(frames::FrameSource& source) {
+    SoundRecorder device(
+        "test",
+        [this](std::span<const float> block) {
+          for (size_t k = 0; k < block.size(); k += kSoundChannels) heard.push_back(block[k]);
+        },
+        ppm);
+    std::vector<float> block(kSoundBlock * kSoundChannels);
+    sound.advance = [&](display::Nanoseconds now) {
+      const SoundAnchor anchor = sound.anchor.read();
+      if (anchor.due_ns == 0) return;
+      if (heard.empty()) heard_from = static_cast<double>(anchor.begun_ns) * 1e-9;
+      device.begin(display::Nanoseconds(static_cast<int64_t>(anchor.begun_ns)));
+      while (device.wait(now) == SoundDevice::Status::Ready) {
+        decode();
+        const long before = allocations;
+        mixer.render(block, device.heard_at(now));
+        allocated += allocations - before;
+        (void)device.write(block);
+      }
+    };
+    const auto display = display::open_virtual_display({.geometry = kSmall,
+                                                        .refresh = refresh,
+                                                        .clock = clock,
+                                                        .faults = hook,
+                                                        .recorder = panel});
+    return play(*display, source, options);
+  }
+  long allocated = 0;
+
+  [[nodiscard]] std::vector<double> clicks() const {
+    std::vector<double> times;
+    for (size_t k = 1; k < heard.size(); ++k)
+      if (std::abs(heard[k]) > 0.1F && std::abs(heard[k - 1]) <= 0.1F)
+        if (times.empty() || time_of(k) - times.back() > 0.05) times.push_back(time_of(k));
+    return times;
+  }
+  [[nodiscard]] double time_of(size_t sample) const {
+    return heard_from + static_cast<double>(sample) / (kSoundRate * (1.0 + ppm * 1e-6));
+  }
+  std::vector<double> jumps;  ///< times at which the source jumped
+  /// Returns the largest distance of a flash from the nearest click. Leaves out flashes that are
+  /// displayed just when the sound begins anew, with a fade.
+  [[nodiscard]] double worst(double from = -1.0) const {
+    const std::vector<double> heard_at = clicks();
+    double most = 0.0;
+    for (const double flash : panel->flashes) {
+      double nearest = 1e9;
+      for (const double one : heard_at) nearest = std::min(nearest, std::abs(one - flash));
+      const bool at_jump = std::ranges::any_of(
+          jumps, [&](double jump) { return flash > jump && flash < jump + 0.1; });
+      if (flash > from && !at_jump) most = std::max(most, nearest);
+    }
+    return most;
+  }
+};
+
+TEST_F(Sound, ClicksComeWithTheirFlashesInEveryRound) {
+  add_sound(0, 120);
+  FlashSource source;
+  source.rounds = 125;  // 1,000 flashes
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  ASSERT_EQ(panel->flashes.size(), 1000U);
+  EXPECT_EQ(clicks().size(), 1000U);
+  EXPECT_LT(worst(), 0.001);
+  EXPECT_EQ(mixer.counts().jumps.get(), 0U);
+  EXPECT_EQ(mixer.counts().underruns.get(), 0U);
+}
+
+TEST_F(Sound, RoundsJoinWithoutASampleLostOrChanged) {
+  // A film of which every sample is different, with a period that no block has.
+  film = [](uint64_t, uint64_t place) { return static_cast<float>(place % 9973) / 20'000.0F; };
+  add_sound(0, 7);
+  FlashSource source;
+  source.frames = 7;
+  source.rounds = 200;
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  const size_t first = 1;  // after the start
+  size_t wrong = 0;
+  for (size_t k = first; k + 2000 < 200 * 7 * 800; ++k)
+    wrong += heard[k] != film(0, k % (7 * 800)) ? 1 : 0;
+  EXPECT_EQ(wrong, 0U);
+}
+
+TEST_F(Sound, RenderingAllocatesNothing) {
+  add_sound(0, 120);
+  FlashSource source;
+  source.rounds = 5;
+  (void)play_film(source);
+  EXPECT_EQ(allocated, 0);
+}
+
+TEST_F(Sound, ClocksThatAreApartAreFollowedAtTheStartAndAfterADay) {
+  constexpr uint64_t kDay = 24 * 3600 * 60;  ///< frames
+  for (const double apart : {200.0, -200.0})
+    for (const uint64_t first : {uint64_t{0}, kDay}) {
+      ppm = apart;
+      heard.clear();
+      panel = std::make_shared<FlashRecorder>();
+      items.clear();
+      written.clear();
+      sound.anchor.publish({});
+      add_sound(0, 2 * kDay);
+      items[0].first = static_cast<double>(first) * 800.0;
+      FlashSource source(first);
+      source.frames = first + 120 * 30;
+      EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+      EXPECT_EQ(panel->flashes.size(), 240U);
+      EXPECT_LT(worst(), 0.0025) << apart << " ppm from frame " << first;
+      EXPECT_EQ(mixer.counts().jumps.get(), 0U);
+    }
+}
+
+TEST_F(Sound, FollowsAPanelThatPlaysTheFilmSlower) {
+  refresh = {60000, 1001};  // 60 frames a second are locked to 59.94
+  add_sound(0, 120);
+  FlashSource source;
+  source.rounds = 30;
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_LT(worst(), 0.001);
+  EXPECT_EQ(mixer.counts().jumps.get(), 0U);
+}
+
+TEST_F(Sound, FollowsACadenceOfUnequalFrames) {
+  add_sound(0, 120);
+  items[0].fps = frames::Rate{24, 1};
+  film = [](uint64_t, uint64_t place) {  // 15 frames of 24 a second last 30,000 samples
+    return place % 30'000 >= 14'000 && place % 30'000 < 14'048 ? 0.5F : 0.0F;
+  };
+  items[0].frames = 0;  // the test's decoder counts rounds of 60 frames a second
+  FlashSource source;
+  source.own_rate = frames::Rate{24, 1};
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  ASSERT_EQ(panel->flashes.size(), 8U);
+  EXPECT_LT(worst(), 0.017) << "a frame is shown at the vblank before its time";
+}
+
+TEST_F(Sound, IsSilentDuringAPauseAndContinuesWithThePicture) {
+  add_sound(0, 600);
+  FlashSource source;
+  source.frames = 600;
+  hook->before_vblank = [this](uint64_t sequence) {
+    if (sequence == 100) control.pause(true);
+    if (sequence == 187) control.pause(false);
+    if (sequence == 300) (void)control.switch_output(false, milliseconds(0));
+    if (sequence == 390) (void)control.switch_output(true, milliseconds(0));
+  };
+  film = [](uint64_t item, uint64_t place) {
+    return click(item, place) + 0.01F;  // a hum
+  };
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_EQ(panel->flashes.size(), 40U);
+  EXPECT_LT(worst(), kMost);
+  for (const double paused : {2.5, 6.0}) {
+    const auto at = static_cast<size_t>((paused + panel->begin - heard_from) * kSoundRate);
+    EXPECT_EQ(heard[at], 0.0F) << paused;
+  }
+}
+
+TEST_F(Sound, GoesWithThePictureAtAJump) {
+  add_sound(0, 1200);
+  FlashSource source;
+  source.frames = 1200;
+  hook->before_vblank = [&](uint64_t sequence) {
+    // As far as the decoder is ahead; a jump within a film opens it again otherwise.
+    if (sequence % 97 != 50 || jumps.size() == 10) return;
+    source.jump_by(45);
+    jumps.push_back(std::chrono::duration<double>(clock->now()).count());
+  };
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_GT(panel->flashes.size(), 40U);
+  EXPECT_LT(worst(), kMost);
+}
+
+TEST_F(Sound, ChangesWithTheItem) {
+  film = [](uint64_t item, uint64_t place) {
+    return click(item, place) * (item == 1 ? 1.0F : -0.6F);
+  };
+  add_sound(1, 120);
+  add_sound(3, 120);
+  FlashSource source;
+  source.items = {1, 2, 3};
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  const std::vector<double> heard_at = clicks();
+  ASSERT_EQ(heard_at.size(), 16U) << "item 2 has no sound";
+  ASSERT_EQ(panel->flashes.size(), 24U);
+  for (size_t k = 0; k < 8; ++k) {
+    EXPECT_NEAR(heard_at[k], panel->flashes[k], kMost);
+    EXPECT_NEAR(heard_at[8 + k], panel->flashes[16 + k], kMost);
+  }
+}
+
+TEST_F(Sound, IsSilentAtAnotherSpeed) {
+  add_sound(0, 120);
+  film = [](uint64_t, uint64_t) { return 0.5F; };
+  control.set_speed(2000);
+  FlashSource source;
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_TRUE(std::ranges::all_of(heard, [](float x) { return x == 0.0F; }));
+}
+
+TEST_F(Sound, ALateDecoderIsSilenceAndTheFilmGoesOn) {
+  add_sound(0, 600);
+  FlashSource source;
+  source.frames = 600;
+  decodes = [this] {
+    return clock->now() < milliseconds(2000) || clock->now() > milliseconds(6000);
+  };
+  const PlayResult result = play_film(source);
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_EQ(result.report.pace.shown, 600U);
+  EXPECT_EQ(result.report.pace.underruns + result.report.pace.missed, 0U);
+  EXPECT_EQ(mixer.counts().underruns.get(), 1U);
+  EXPECT_LT(worst(7.0), 0.001) << "in step again once the decoder goes on";
+}
+
+TEST_F(Sound, StopsWithAPictureThatDoesNotComeAndGoesOnWithIt) {
+  add_sound(0, 600);
+  film = [](uint64_t item, uint64_t place) { return click(item, place) + 0.01F; };
+  FlashSource source;
+  source.frames = 600;
+  source.is_late = [this](uint64_t pulled) {
+    return pulled >= 100 && clock->now() < milliseconds(4000);
+  };
+  options.stall_timeout.reset();
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_LT(worst(), kMost);
+  EXPECT_EQ(heard[static_cast<size_t>((3.0 - heard_from) * kSoundRate)], 0.0F);
+}
+
+TEST_F(Sound, DoesNotClickWhereItIsInterrupted) {
+  add_sound(0, 600);
+  film = [](uint64_t, uint64_t place) {  // 100 Hz
+    return 0.5F * std::sin(static_cast<float>(place % 480) / 480.0F * 6.2831853F);
+  };
+  FlashSource source;
+  source.frames = 600;
+  hook->before_vblank = [&](uint64_t sequence) {
+    if (sequence == 100) control.pause(true);
+    if (sequence == 130) control.pause(false);
+    if (sequence == 200) source.jump_by(250);
+  };
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  float step = 0.0F;
+  for (size_t k = 1; k < heard.size(); ++k)
+    step = std::max(step, std::abs(heard[k] - heard[k - 1]));
+  EXPECT_LT(step, 0.012F) << "the tone's own steps are 0.0065";
+}
+
+TEST_F(Sound, VolumeIsInTheGainOfItemAndPlayer) {
+  add_sound(0, 120);
+  items[0].gain = 0.5F;
+  mixer.set_volume(0.5F);
+  film = [](uint64_t, uint64_t) { return 0.8F; };
+  FlashSource source;
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_FLOAT_EQ(heard[40'000], 0.2F);
+}
+
+TEST_F(Sound, SamplesOfADecoderThatLiesStaySamples) {
+  add_sound(0, 120);
+  mixer.set_volume(4.0F);
+  film = [](uint64_t, uint64_t place) {
+    return place % 3 == 0 ? NAN : place % 3 == 1 ? 1e30F : -INFINITY;
+  };
+  ppm = 150.0;
+  FlashSource source;
+  source.rounds = 5;
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_TRUE(std::ranges::all_of(heard, [](float x) { return x >= -1.0F && x <= 1.0F; }));
+}
+
+}  // namespace
+}  // namespace lenticule::player

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+// Plays sound files with the confined decoder, records what is heard, and compares it with the
+// file.
+#include <signal.h>
+
+#include <cmath>
+#include <thread>
+
+#include "player/sound/sound_player.h"
+#include "tests/support/comes_true.h"
+#include "tests/support/fakes/fake_source.h"
+#include "tests/unit/player/video_stage.h"
+
+namespace lenticule::player {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// A film of 30 frames a second, of which no frame is pulled.
+class Film final : public test::PlainSource {
+ public:
+  explicit Film(uint64_t frames) : frames_(frames) {}
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return {}; }
+  [[nodiscard]] std::optional<frames::Rate> rate() const override { return frames::Rate{30, 1}; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return frames_; }
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame&) override {
+    return frames::PullStatus::End;
+  }
+
+ private:
+  uint64_t frames_;
+};
+
+/// Plays the sound of a film of 30 frames a second as the presenter would anchor it, in simulated
+/// time.
+class FilmSound : public test::VideoTest {
+ protected:
+  std::shared_ptr<SoundPlayer> player;
+  std::vector<float> heard;  ///< left channel
+  Nanoseconds now{milliseconds(1000)};
+  SoundAnchor anchor{.numerator = 30, .denominator = 1, .held = 0};
+
+  void start(SoundOptions options = {}) {
+    options.simulated = true;
+    options.program = LENTICULE_VIDEO_PROGRAM;
+    options.open = [this] {
+      return std::make_unique<SoundRecorder>("test", [this](std::span<const float> block) {
+        for (size_t k = 0; k < block.size(); k += kSoundChannels) heard.push_back(block[k]);
+      });
+    };
+    player = make_sound_player(options);
+    player->start("");
+  }
+  /// Shows frames [from, to) of a round of an item.
+  void show(uint64_t item, uint64_t round, uint64_t from, uint64_t to) {
+    for (uint64_t frame = from; frame < to; ++frame) {
+      if (anchor.item != item || anchor.due_ns == 0)
+        anchor.begun_ns = static_cast<uint64_t>(now.count());
+      anchor.item = item;
+      anchor.number = frame;
+      anchor.round = round;
+      anchor.due_ns = static_cast<uint64_t>(now.count());
+      player->clock().anchor.publish(anchor);
+      player->clock().advance(now);
+      now += Nanoseconds(1'000'000'000 / 30);
+    }
+  }
+  [[nodiscard]] std::function<void(uint64_t)> open(const PlaylistItem& item, uint64_t frames = 60,
+                                                   uint64_t first_frame = 0) {
+    return player->open(item, std::nullopt, first_frame, Film(frames));
+  }
+  [[nodiscard]] PlaylistItem film(const std::string& name, uint64_t loops = kForever) const {
+    return {.source = parse_source(file(name).string()), .loops = loops};
+  }
+
+  /// Writes a film of 2 s whose sound is a click of 10 ms at 1 s, and `silence` elsewhere.
+  void write_film(const std::string& name, const std::string& sound_options,
+                  const std::string& maps = "") const {
+    ffmpeg(
+        "-f lavfi -i color=black:s=32x16:r=30:d=2 -f lavfi -i \"aevalsrc="
+        "'if(between(t\\,1\\,1.01)\\,0.5*sin(6283*t)\\,0)':s=44100:d=2\" " +
+        maps + " -c:v ffv1 -pix_fmt bgr0 " + sound_options + " " + name);
+  }
+  /// Returns the times of clicks in seconds.
+  [[nodiscard]] std::vector<double> clicks() const {
+    std::vector<double> times;
+    for (size_t k = 0; k < heard.size(); ++k) {
+      const double time = static_cast<double>(k) / kSoundRate;
+      if (std::abs(heard[k]) > 0.05F && (times.empty() || time > times.back() + 0.1))
+        times.push_back(time);
+    }
+    return times;
+  }
+};
+
+TEST_F(FilmSound, EveryCodecClicksInEveryRoundAtItsPlace) {
+  for (const auto& [name, options] :
+       std::vector<std::pair<std::string, std::string>>{{"flac.mkv", "-c:a flac"},
+                                                        {"opus.mkv", "-c:a libopus -ar 48000"},
+                                                        {"vorbis.mkv", "-c:a libvorbis"},
+                                                        {"aac.mov", "-c:a aac"},
+                                                        {"mp3.mkv", "-c:a libmp3lame"},
+                                                        {"pcm.avi", "-c:a pcm_s16le"}}) {
+    write_film(name, options);
+    heard.clear();
+    anchor = {.numerator = 30, .denominator = 1, .held = 0};
+    start();
+    const auto sound = open(film(name));
+    ASSERT_NE(sound, nullptr) << name;
+    sound(0);
+    for (uint64_t round = 0; round < 5; ++round) show(0, round, 0, 60);
+    const std::vector<double> times = clicks();
+    ASSERT_EQ(times.size(), 5U) << name;
+    for (size_t round = 0; round < 5; ++round)
+      // FFmpeg 5.1 writes Opus into Matroska 7 ms before the pictures.
+      EXPECT_NEAR(times[round], 1.0 + 2.0 * static_cast<double>(round),
+                  name == "opus.mkv" ? 0.008 : 0.003)
+          << name;
+    EXPECT_NEAR(times[4] - times[0], 8.0, 2.0 / kSoundRate) << name << ": rounds have 2 s each";
+    EXPECT_EQ(player->statistics()["underruns"], 0) << name;
+  }
+}
+
+TEST_F(FilmSound, AFileBesideAFilmIsItsSound) {
+  write_film("both.mkv", "-c:a flac");
+  ffmpeg("-i both.mkv -vn -c:a copy film.flac");
+  std::ofstream(file("film.lts")) << "no film";
+  start();
+  const auto sound =
+      open({.source = {.kind = SourceKind::Sequence, .text = file("film.lts")}, .loops = kForever});
+  ASSERT_NE(sound, nullptr);
+  sound(7);
+  for (uint64_t round = 0; round < 3; ++round) show(7, round, 0, 45);  // of 60
+  EXPECT_EQ(clicks().size(), 3U);
+  EXPECT_EQ(player->statistics()["source"], file("film.flac").string());
+}
+
+TEST_F(FilmSound, BeginsInTheMiddleAfterASeek) {
+  write_film("film.mkv", "-c:a flac");
+  start();
+  const auto sound = open(film("film.mkv"), 60, 24);
+  sound(2);
+  show(2, 0, 24, 50);
+  ASSERT_EQ(clicks().size(), 1U);
+  EXPECT_NEAR(clicks()[0], 0.2, 0.001);
+}
+
+TEST_F(FilmSound, PlaysTheTrackOfTheWantedLanguage) {
+  write_film("film.mkv", "-c:a flac", "");
+  ffmpeg(
+      "-i film.mkv -f lavfi -i anullsrc=r=48000:cl=stereo:d=2 -map 0:v -map 1:a -map 0:a -c:v copy "
+      "-c:a flac -t 2 -metadata:s:a:0 language=eng -metadata:s:a:1 language=ger two.mkv");
+  for (const auto& [track, found] : std::vector<std::pair<std::string, size_t>>{
+           {"", 0}, {"en", 0}, {"de", 1}, {"deu", 1}, {"2", 1}, {"fr", 0}}) {
+    heard.clear();
+    anchor.due_ns = 0;
+    start({.track = track});
+    const auto sound = open(film("two.mkv"));
+    ASSERT_NE(sound, nullptr);
+    sound(0);
+    show(0, 0, 0, 45);
+    EXPECT_EQ(clicks().size(), found) << track;
+    const std::string problem = player->statistics()["problem"];
+    EXPECT_EQ(problem.empty(), track != "fr") << problem;
+  }
+}
+
+TEST_F(FilmSound, DamagedPacketsAreSilenceAndAreCounted) {
+  write_film("film.mkv", "-c:a flac -af volume=1");
+  ffmpeg("-f lavfi -i sine=frequency=440:sample_rate=48000:duration=2 -c:a flac tone.flac");
+  std::vector<char> bytes(std::filesystem::file_size(file("tone.flac")));
+  std::ifstream(file("tone.flac"), std::ios::binary)
+      .read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  std::fill_n(bytes.begin() + static_cast<long>(bytes.size() / 2), 2000, char{0x55});
+  std::ofstream(file("tone.flac"), std::ios::binary)
+      .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  start();
+  PlaylistItem request = film("film.mkv", 1);
+  request.sound = file("tone.flac");
+  const auto sound = open(request);
+  ASSERT_NE(sound, nullptr);
+  sound(0);
+  show(0, 0, 0, 60);
+  size_t silent = 0;
+  for (size_t k = 4800; k + 4800 < heard.size(); k += 480)
+    silent +=
+        std::all_of(heard.begin() + static_cast<long>(k),
+                    heard.begin() + static_cast<long>(k) + 480, [](float x) { return x == 0.0F; })
+            ? 1
+            : 0;
+  EXPECT_GT(silent, 2U);
+  EXPECT_LT(silent, 60U) << "the sound after it is played";
+}
+
+TEST_F(FilmSound, ADecoderThatIsKilledIsReplacedAndTheClicksAreInPlace) {
+  write_film("film.mkv", "-c:a flac");
+  start();
+  const auto sound = open(film("film.mkv"));
+  sound(0);
+  show(0, 0, 0, 10);
+  const std::string mine = fmt::format("pgrep -P {} -f 'lenticule-video.* sound'", getpid());
+  const auto found = test::run_process({"/bin/sh", "-c", mine + " || true"});
+  const int pid = std::atoi(found.out.c_str());
+  ASSERT_GT(pid, 1) << found.out;
+  ASSERT_EQ(::kill(pid, SIGKILL), 0);
+  ASSERT_TRUE(test::comes_true([&] {
+    player->look();
+    return player->statistics()["decoder_restarts"] == 1;
+  }));
+  show(0, 0, 10, 60);
+  show(0, 1, 0, 60);
+  const std::vector<double> times = clicks();
+  ASSERT_EQ(times.size(), 2U);
+  EXPECT_NEAR(times[0], 1.0, 0.001);
+  EXPECT_NEAR(times[1], 3.0, 0.001);
+}
+
+TEST_F(FilmSound, ProblemsLeaveTheFilmSilent) {
+  write_film("mute.mkv", "-an");
+  start();
+  EXPECT_EQ(open(film("mute.mkv")), nullptr);
+  EXPECT_EQ(player->statistics()["problem"], "");
+  PlaylistItem request = film("mute.mkv");
+  request.sound = file("none.flac");
+  EXPECT_EQ(open(request), nullptr);
+  EXPECT_NE(player->statistics()["problem"], "");
+  request.sound = file("mute.mkv");
+  EXPECT_EQ(open(request), nullptr);
+  const std::string problem = player->statistics()["problem"];
+  EXPECT_NE(problem.find("no sound in it"), std::string::npos) << problem;
+}
+
+TEST_F(FilmSound, AStillPicturesSoundRepeatsByItself) {
+  ffmpeg("-f lavfi -i \"aevalsrc='if(between(t\\,0.2\\,0.21)\\,0.5\\,0)':s=48000:d=0.5\" bed.wav");
+  start();
+  PlaylistItem request{.source = parse_source(file("card.png").string()), .loops = 1};
+  request.sound = file("bed.wav");
+  const auto sound = open(request, 1);
+  ASSERT_NE(sound, nullptr);
+  sound(4);
+  show(4, 0, 0, 45);
+  ASSERT_EQ(clicks().size(), 3U);
+  EXPECT_NEAR(clicks()[1] - clicks()[0], 0.5, 2.0 / kSoundRate);
+}
+
+TEST(Language, IsFoundByEachOfItsCodes) {
+  EXPECT_TRUE(is_language("ger", "de"));
+  EXPECT_TRUE(is_language("deu", "de"));
+  EXPECT_TRUE(is_language("de-AT", "ger"));
+  EXPECT_TRUE(is_language("xyz", "XYZ"));
+  EXPECT_FALSE(is_language("eng", "de"));
+  EXPECT_FALSE(is_language("", "de"));
+}
+
+}  // namespace
+}  // namespace lenticule::player
