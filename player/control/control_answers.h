@@ -135,6 +135,8 @@ inline nlohmann::ordered_json item_json(const PlaylistItem& item) {
   if (item.wait_s != PlaylistItem{}.wait_s) json["wait_s"] = item.wait_s;
   if (item.weight != 1) json["weight"] = item.weight;
   if (!item.fit.empty()) json["fit"] = item.fit;
+  if (!item.sound.empty()) json["sound"] = item.sound;
+  if (item.volume_db != 0.0) json["volume"] = item.volume_db;
   const ContentFlags& content = item.source.content;
   for (const auto& [key, member] : kLayoutTexts)
     if (!(content.*member).empty()) json[std::string(key)] = content.*member;

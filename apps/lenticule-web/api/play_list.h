@@ -233,7 +233,7 @@ class PlayList {
                  {"invert", truth},       {"stereo", quoted},         {"depth", quoted},
                  {"depth_range", quoted}, {"depth_distance", quoted}, {"invert_depth", truth},
                  {"zero_plane", quoted},  {"depth_budget", number},   {"from_rig", quoted},
-                 {"reweave", truth}};
+                 {"reweave", truth},      {"sound", quoted},          {"volume", number}};
     std::string toml, schedule;
     for (const auto& [key, value] : item.items()) {
       if (const auto found = kKeys.find(key); found != kKeys.end())

@@ -31,6 +31,8 @@ grid = "8x6"
 aspect = 0.75
 invert = true
 fit = "cover"
+sound = "clip.opus"
+volume = -6
 weight = 3
 [item.schedule]
 days = ["mon", "sun"]
@@ -62,6 +64,8 @@ except = ["2026-12-24"]
   EXPECT_EQ(json["items"][2]["invert"], true);
   EXPECT_EQ(json["items"][2]["fit"], "cover");
   EXPECT_EQ(json["items"][2]["weight"], 3);
+  EXPECT_EQ(json["items"][2]["sound"], "/films/clip.opus");
+  EXPECT_EQ(json["items"][2]["volume"], -6.0);
   EXPECT_EQ(json["shuffle"], 5);
 }
 
