@@ -487,6 +487,7 @@ class PlayRun {
     PlaybackOptions options = plan_.playback;
     options.loops = kForever;
     options.prime = 1;
+    options.sound = nullptr;
     options.content.reset();
     options.vblanks = whole_vblanks(std::exchange(card_time_, kTryAgain), display_->mode().refresh);
     if (const auto left = vblanks_left()) options.vblanks = std::min(*options.vblanks, *left);

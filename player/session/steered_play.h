@@ -250,7 +250,7 @@ class PlayControls final : public ControlTarget {
   [[nodiscard]] nlohmann::ordered_json doctor() const {
     const std::lock_guard lock(mutex_);
     ordered_json json;
-    for (const char* key : {"display", "exactness", "kms", "waiting_for", "source_pace"})
+    for (const char* key : {"display", "exactness", "kms", "waiting_for", "source_pace", "sound"})
       json[key] = statistics_.contains(key) ? statistics_[key] : ordered_json(nullptr);
     return json;
   }

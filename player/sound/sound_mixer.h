@@ -51,6 +51,7 @@ struct SoundSlot {
 
 struct SoundCounts {
   Counter underruns;  ///< times that the decoder was late
+  Counter late;       ///< 1 while it is
   Counter jumps;      ///< times that the sound was moved because it was too far away
   Counter offset_us;  ///< smoothed distance between sound and picture
   Counter worst_us;   ///< the largest one, a second or more after a jump
@@ -207,8 +208,8 @@ class SoundMixer {
     (void)ring.look();
     ring.play_from(static_cast<uint64_t>(std::max(0.0, at_ - kTaps)));
     const bool there = ring.holds(static_cast<uint64_t>(std::max(0.0, at_)) + kAhead);
-    if (!there && !late_) counts_.underruns.add();
-    late_ = !there;
+    if (!there && counts_.late.get() == 0) counts_.underruns.add();
+    counts_.late.set(there ? 0 : 1);
     const float target = there ? volume_.load(std::memory_order_relaxed) * samples.gain : 0.0F;
     if (since_jump_ == 0) gain_ = target;
     const float step = (target - gain_) / static_cast<float>(out.size() / kSoundChannels);
@@ -251,7 +252,6 @@ class SoundMixer {
   uint64_t since_jump_ = 0;
   float gain_ = 0.0F;
   size_t fade_in_ = 0;  ///< frames until the sound has its full volume
-  bool late_ = false;
   std::array<float, kFade * kSoundChannels> tail_{};  ///< what fades out, from tail_at_ on
   size_t tail_at_ = kFade * kSoundChannels;
 };

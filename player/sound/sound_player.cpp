@@ -35,7 +35,8 @@ using SteadyClock = std::chrono::steady_clock;
 constexpr int kTryAgainMs = 2000;  ///< time until a missing device is tried again
 constexpr int kSoundPriority = 9;  ///< below that of the presenter
 constexpr auto kSourceTimeout = std::chrono::seconds(10);  ///< real time, in simulated time
-constexpr size_t kMostRestarts = 3;                        ///< in a minute
+constexpr uint64_t kMostRestarts = 3;                      ///< less than a minute apart
+constexpr int kMostLateLooks = 5;                          ///< seconds without a sample
 constexpr std::array kBeside = {".opus", ".flac", ".wav", ".m4a", ".mp3", ".ogg"};
 
 float gain_of(double db) {
@@ -149,8 +150,10 @@ class Player final : public SoundPlayer, public std::enable_shared_from_this<Pla
     std::atomic<uint64_t> number{SoundSlot::kNoItem};
     SoundSlot* slot = nullptr;  ///< null: no device, or too many items
     std::unique_ptr<Decoder> decoder;
-    std::vector<SteadyClock::time_point> restarts;  ///< in the last minute
-    uint64_t all_restarts = 0, damaged_before = 0;
+    SteadyClock::time_point restarted;
+    uint64_t restarts = 0, restarts_in_a_row = 0;  ///< less than a minute apart
+    uint64_t damaged_before = 0;                   ///< by the decoders before the present one
+    int late_looks = 0;                            ///< times that nothing had come
   };
 
   [[nodiscard]] bool is_silent() const { return options_.device == "none" && !options_.open; }
@@ -226,7 +229,7 @@ class Player final : public SoundPlayer, public std::enable_shared_from_this<Pla
     const auto deadline = SteadyClock::now() + kSourceTimeout;
     while (device_ != nullptr) {
       const Nanoseconds heard = device_->heard_at(time) - options_.delay;
-      look();
+      look();  // which replaces decoders
       while (!mixer_.is_ready(heard) && waits_ && SteadyClock::now() < deadline)
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
       waits_ = mixer_.is_ready(heard);  // a decoder that has failed is waited for only once
@@ -269,10 +272,9 @@ Player::Item::Item(Player& of, const PlaylistItem& wanted, const FoundSound& sou
     frames = item.frames ? item.frames->count() : count.value_or(0);
   }
   const std::lock_guard lock(player.mutex_);
-  const auto is_free = [&](const SoundSlot& one) {
+  const auto free = std::ranges::find_if(player.mixer_.slots(), [&](const SoundSlot& one) {
     return std::ranges::none_of(player.items_, [&](Item* other) { return other->slot == &one; });
-  };
-  const auto free = std::ranges::find_if(player.mixer_.slots(), is_free);
+  });
   if (!fps && count != uint64_t{1})
     player.complain(found.file + ": played without sound: the pictures have no rate; add --fps");
   else if (!player.is_silent() && free != player.mixer_.slots().end())
@@ -295,18 +297,19 @@ void Player::Item::start_decoder(uint64_t round, uint64_t frame) {
   if (fps) samples.first = std::floor(static_cast<double>(frame) * kSoundRate / fps->hertz());
   samples.gain = gain_of(item.volume_db);
   const std::filesystem::path& program = player.options_.program;
-  std::vector<std::string> arguments = {
-      (program.empty() ? find_video_program() : program).string(),
-      kForThisVersion,
-      "sound",
-      fmt::format("--parent={}", getpid()),
-      fmt::format("--ring-fd={}", kRingThere),
-      fmt::format("--stream={}", found.stream.index),
-      fmt::format("--rate={}", kSoundRate),
-      fmt::format("--channels={}", kSoundChannels),
-      fmt::format("--frames={}", frames),
-      fmt::format("--begin={}", item.frames ? item.frames->begin : 0),
-      fmt::format("--from={}", frame)};
+  std::vector<std::string> arguments = {(program.empty() ? find_video_program() : program).string(),
+                                        kForThisVersion, "sound"};
+  const uint64_t begin = item.frames ? item.frames->begin : 0;
+  for (const auto& [name, value] :
+       std::initializer_list<std::pair<const char*, uint64_t>>{{"parent", getpid()},
+                                                               {"ring-fd", kRingThere},
+                                                               {"stream", found.stream.index},
+                                                               {"rate", kSoundRate},
+                                                               {"channels", kSoundChannels},
+                                                               {"frames", frames},
+                                                               {"begin", begin},
+                                                               {"from", frame}})
+    arguments.push_back(fmt::format("--{}={}", name, value));
   if (fps) arguments.push_back("--fps=" + frames::to_string(*fps));
   if (!fps || samples.rounds != 1) arguments.emplace_back("--loop");
   arguments.insert(arguments.end(), {"--", found.file});
@@ -321,14 +324,17 @@ void Player::Item::start_decoder(uint64_t round, uint64_t frame) {
 /// Replaces a decoder that has ended, or that cannot give what is due.
 void Player::Item::look() {
   const std::optional<ChildEnd> end = decoder ? decoder->child.take_end() : std::nullopt;
-  if (!decoder || (!end && !slot->needs_decoder.load())) return;
   const SoundAnchor anchor = player.clock_.anchor.read();
-  const bool shown = anchor.item == slot->item.load();
+  const bool shown = slot != nullptr && anchor.item == slot->item.load();
+  const SoundCounts& counts = player.mixer_.counts();
+  late_looks = shown && counts.late.get() != 0 && counts.playing.get() != 0 ? late_looks + 1 : 0;
+  if (decoder && late_looks > kMostLateLooks) decoder->child.kill();  // it hangs
+  if (!decoder || (!end && !slot->needs_decoder.load())) return;
   if (frames == 0 && shown) frames = anchor.round_frames;
   if (end) {
-    const auto minute_ago = SteadyClock::now() - std::chrono::minutes(1);
-    std::erase_if(restarts, [&](const auto& time) { return time < minute_ago; });
-    const bool gives_up = restarts.size() >= kMostRestarts || end->exit_code == kInput;
+    const auto time = SteadyClock::now();
+    if (time - std::exchange(restarted, time) > std::chrono::minutes(1)) restarts_in_a_row = 0;
+    const bool gives_up = ++restarts_in_a_row > kMostRestarts || end->exit_code == kInput;
     player.complain(fmt::format("{}: its sound: the decoder ended: {}; {}", found.file, end->text(),
                                 gives_up ? "silent" : "another one continues"));
     if (gives_up) {
@@ -336,9 +342,9 @@ void Player::Item::look() {
       damaged_before = damaged();
       return decoder.reset();
     }
-    restarts.push_back(SteadyClock::now());
-    ++all_restarts;
+    ++restarts;
   }
+  late_looks = 0;
   start_decoder(shown ? anchor.round : 0, shown ? anchor.number : first_frame);
 }
 
@@ -346,11 +352,12 @@ nlohmann::ordered_json Player::statistics() const {
   const SoundCounts& counts = mixer_.counts();
   const SoundAnchor anchor = clock_.anchor.read();
   nlohmann::ordered_json json = {{"device", nullptr}, {"state", "no sound"}, {"source", nullptr}};
+  const auto ms = [](const Counter& us) { return static_cast<double>(us.get()) / 1000.0; };
   uint64_t damaged = 0, restarts = 0;
   const std::scoped_lock lock(mutex_, complaints_mutex_);
   if (!device_name_.empty()) json["device"] = device_name_;
   for (const Item* const item : items_) {
-    restarts += item->all_restarts;
+    restarts += item->restarts;
     damaged += item->damaged();
     if (item->number.load() != anchor.item) continue;
     json["source"] = item->found.file;
@@ -363,8 +370,8 @@ nlohmann::ordered_json Player::statistics() const {
                                                 : "playing";
   }
   json.update({{"volume_db", volume_db_.load()},
-               {"offset_ms", static_cast<double>(counts.offset_us.get()) / 1000.0},
-               {"worst_offset_ms", static_cast<double>(counts.worst_us.get()) / 1000.0},
+               {"offset_ms", ms(counts.offset_us)},
+               {"worst_offset_ms", ms(counts.worst_us)},
                {"jumps", counts.jumps.get()},
                {"underruns", counts.underruns.get()},
                {"device_underruns", device_underruns_.load()},

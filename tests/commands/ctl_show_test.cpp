@@ -85,6 +85,13 @@ TEST_F(CtlShow, TheSpeedIsChangedWithinItsLimits) {
   EXPECT_EQ(ctl({"speed", "0"}).exit_code, 2);
 }
 
+TEST_F(CtlShow, TheVolumeIsChangedWithinItsLimits) {
+  EXPECT_EQ(asked({"volume", "-12.5"})["db"], -12.5);
+  EXPECT_EQ(status()["sound"]["volume_db"], -12.5);
+  EXPECT_EQ(ctl({"volume", "20"}).exit_code, 2);
+  EXPECT_EQ(ctl({"volume"}).exit_code, 2);
+}
+
 TEST_F(CtlShow, AnOutputThatIsOffHoldsTheContentUntilItIsOn) {
   EXPECT_EQ(asked({"power", "off"}), json({{"power", "off"}, {"done", true}}));
   EXPECT_EQ(status()["state"], "off");

@@ -6,8 +6,13 @@
 
 #include <chrono>
 #include <csignal>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "frames/frame.h"
 #include "frames/image_io.h"
@@ -166,6 +171,60 @@ TEST_F(VideoCommands, ExitCodesFollowTheContract) {
   EXPECT_EQ(encode("--width 0 --height 4"), 2);
   EXPECT_EQ(encode("--width 4 --height 4"), 4) << "there is no frame";
   EXPECT_EQ(video({"encode", "--width", "4", "--height", "4"}).exit_code, 2) << "not a file";
+}
+
+/// Sound of a list: of a film in two rounds, none, of a quieter item, and of a card.
+TEST_F(VideoCommands, ClicksOfAListAreHeardAtTheirFlashes) {
+  constexpr int kHertz = 48'000;
+  make_film("film.mkv", kWidth, kHeight,
+            "-f lavfi -i \"aevalsrc='if(lt(mod(n+36000\\,24000)\\,480)\\,0.8\\,0)':s=48000:d=2\" "
+            "-c:v ffv1 -pix_fmt bgr0 -c:a flac");
+  expect_end(run_process({"/bin/sh", "-c",
+                          fmt::format("exec ffmpeg -v error -nostdin -y -i {} -vn -c:a copy {}",
+                                      path("film.mkv"), path("card.flac"))}),
+             0);
+  write("list.toml",
+        "[[item]]\nsource = \"film.mkv\"\nloops = 2\n"
+        "[[item]]\nsource = \"film.mkv\"\nloops = 1\nsound = \"none\"\n"
+        "[[item]]\nsource = \"film.mkv\"\nloops = 1\nvolume = -6.0206\n"
+        "[[item]]\nsource = \"card\"\nduration_s = 1.0\nsound = \"card.flac\"\n");
+  std::vector<std::string> words = play("list.toml");
+  words.insert(words.end(),
+               {"--clock", "simulated", "--json", "--sound-device", "file:" + path("out.wav")});
+  const json sound = results_of(run(words))["sound"];
+  EXPECT_EQ(sound["underruns"], 0);
+  EXPECT_EQ(sound["jumps"], 0);
+  std::ifstream in(path("out.wav"), std::ios::binary);
+  const std::string wav((std::istreambuf_iterator<char>(in)), {});
+  ASSERT_GT(wav.size(), 44U + 9 * kHertz * 4);
+  std::vector<int16_t> codes((wav.size() - 44) / 2);
+  std::memcpy(codes.data(), wav.data() + 44, codes.size() * 2);
+  std::map<size_t, int> clicks;  // their thousandths of a second, and their loudest code
+  for (size_t k = 0; k < codes.size(); k += 2)
+    if (codes[k] > 2000) clicks[k / 2 / (kHertz / 4) * 250] |= codes[k];
+  std::vector<size_t> times;
+  for (const auto& [time, loudest] : clicks) times.push_back(time);
+  EXPECT_EQ(times, (std::vector<size_t>{250, 750, 1250, 1750, 2250, 2750, 3250, 3750,  //
+                                        6250, 6750, 7250, 7750, 8250, 8750}));
+  const auto loudness = [&](double at) {
+    return codes[static_cast<size_t>(at * kHertz + 240) * 2];
+  };
+  EXPECT_NEAR(loudness(6.25), loudness(0.25) / 2, 20) << "half the voltage";
+}
+
+TEST_F(VideoCommands, SoundThatIsMissingIsNamed) {
+  make_clip("clip.mkv", kWidth, kHeight, 3);
+  const auto with = [&](const std::vector<std::string>& flags) {
+    std::vector<std::string> words = play("clip.mkv");
+    words.insert(words.end(), flags.begin(), flags.end());
+    return run(words);
+  };
+  expect_end(with({"--sound", path("none.flac")}), 4, "none.flac: no such file");
+  expect_end(with({"--sound-device", "plughw:30,7"}), 3, "sound device 'plughw:30,7'");
+  expect_end(with({"--clock", "simulated", "--sound-device", "auto"}), 2, "real time");
+  expect_end(with({"--clock", "simulated", "--sound", "none"}), 0);
+  const json sound = results_of(with({"--sound-device", "auto", "--json"}))["sound"];
+  EXPECT_EQ(sound["state"], "no sound");
 }
 
 TEST_F(VideoCommands, TheDecoderEndsWithThePlayer) {
