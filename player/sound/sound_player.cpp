@@ -245,7 +245,7 @@ class Player final : public SoundPlayer, public std::enable_shared_from_this<Pla
   std::array<float, kSoundBlock * kSoundChannels> block_{};
   std::atomic<uint64_t> device_underruns_{0};
   std::atomic<double> volume_db_{0.0};
-  bool waits_ = true;  ///< the presenter waits for decoders, in simulated time
+  std::atomic<bool> waits_{true};  ///< the presenter waits for decoders, in simulated time
 
   mutable std::mutex mutex_;  ///< guards the members below and the items
   std::vector<Item*> items_;
@@ -345,6 +345,7 @@ void Player::Item::look() {
     ++restarts;
   }
   late_looks = 0;
+  player.waits_ = true;
   start_decoder(shown ? anchor.round : 0, shown ? anchor.number : first_frame);
 }
 

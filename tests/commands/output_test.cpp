@@ -241,7 +241,7 @@ TEST_F(Output, ThePageOfStatisticsNamesEveryKeyAndNoOther) {
        0);
   play({"card", "--rig", tiny, "--display", "kms:HDMI-A-99", "--wait-for-panel", "1"}, 3);
 
-  const std::string text = page("statistics.md") + page("step.md");
+  const std::string text = page("statistics.md") + page("step.md") + page("sound.md");
   const auto named = [&](const std::string& key) {
     return text.find("`" + key + "`") != std::string::npos;
   };

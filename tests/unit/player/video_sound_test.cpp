@@ -81,6 +81,11 @@ class FilmSound : public test::VideoTest {
         "'if(between(t\\,1\\,1.01)\\,0.5*sin(6283*t)\\,0)':s=44100:d=2\" " +
         maps + " -c:v ffv1 -pix_fmt bgr0 " + sound_options + " " + name);
   }
+  [[nodiscard]] static pid_t decoder_of_this_test() {
+    const std::string search =
+        fmt::format("pgrep -P {} -f 'lenticule-video.* sound' || true", getpid());
+    return std::atoi(test::run_process({"/bin/sh", "-c", search}).out.c_str());
+  }
   /// Returns the times of clicks in seconds.
   [[nodiscard]] std::vector<double> clicks() const {
     std::vector<double> times;
@@ -198,11 +203,9 @@ TEST_F(FilmSound, ADecoderThatIsKilledIsReplacedAndTheClicksAreInPlace) {
   const auto sound = open(film("film.mkv"));
   sound(0);
   show(0, 0, 0, 10);
-  const std::string mine = fmt::format("pgrep -P {} -f 'lenticule-video.* sound'", getpid());
-  const auto found = test::run_process({"/bin/sh", "-c", mine + " || true"});
-  const int pid = std::atoi(found.out.c_str());
-  ASSERT_GT(pid, 1) << found.out;
-  ASSERT_EQ(::kill(pid, SIGKILL), 0);
+  const pid_t decoder = decoder_of_this_test();
+  ASSERT_GT(decoder, 1);
+  ASSERT_EQ(::kill(decoder, SIGKILL), 0);
   ASSERT_TRUE(test::comes_true([&] {
     player->look();
     return player->statistics()["decoder_restarts"] == 1;
@@ -213,6 +216,26 @@ TEST_F(FilmSound, ADecoderThatIsKilledIsReplacedAndTheClicksAreInPlace) {
   ASSERT_EQ(times.size(), 2U);
   EXPECT_NEAR(times[0], 1.0, 0.001);
   EXPECT_NEAR(times[1], 3.0, 0.001);
+}
+
+TEST_F(FilmSound, ADecoderThatHangsIsReplacedToo) {
+  write_film("film.mkv", "-c:a flac");
+  start();
+  const auto sound = open(film("film.mkv"));
+  sound(0);
+  show(0, 0, 0, 10);
+  const pid_t decoder = decoder_of_this_test();
+  ASSERT_GT(decoder, 1);
+  ASSERT_EQ(::kill(decoder, SIGSTOP), 0);
+  show(0, 0, 10, 60);  // the ring is empty before its end
+  uint64_t round = 1;
+  while (player->statistics()["decoder_restarts"] == 0 && round < 200) show(0, round++, 0, 60);
+  EXPECT_EQ(player->statistics()["decoder_restarts"], 1);
+  EXPECT_TRUE(test::comes_true([&] {
+    heard.clear();
+    show(0, round++, 0, 60);
+    return clicks().size() == 1;
+  }));
 }
 
 TEST_F(FilmSound, ProblemsLeaveTheFilmSilent) {
