@@ -59,6 +59,24 @@ SimulatedCamera camera_of(const Phone& phone, const Shot& shot) {
   return camera;
 }
 
+/// Returns the displacement of a point of the sensor, in pixels, by what is not radial.
+Vec2 displacement(const Phone& phone, const SimulatedCamera& camera, Vec2 at) {
+  const Vec2 middle{0.5 * phone.width, 0.5 * phone.height};
+  const double longer = std::max(phone.width, phone.height);
+  const Vec2 place = (at - middle) * (1.0 / longer);
+  Vec2 sum;
+  for (const Wave& wave : phone.warp)
+    sum = sum + wave.shift * (longer * std::sin(2.0 * std::numbers::pi *
+                                                (wave.turns_per_side.x * place.x +
+                                                 wave.turns_per_side.y * place.y + wave.turns)));
+  const Vec2 t = (at - Vec2{camera.centre_x_px, camera.centre_y_px}) * (1.0 / camera.focal_px);
+  const double squared = t.x * t.x + t.y * t.y;
+  const auto [first, second] = phone.tangential;
+  return sum + Vec2{2.0 * first * t.x * t.y + second * (squared + 2.0 * t.x * t.x),
+                    first * (squared + 2.0 * t.y * t.y) + 2.0 * second * t.x * t.y} *
+                   camera.focal_px;
+}
+
 constexpr float kWallLight = 0.03F;  ///< light of the wall around the panel
 
 /// SensorWindow is the part of the sensor on which the panel appears, in pixels.
@@ -240,7 +258,7 @@ class Exposure {
   /// Traces the ray of a point of the sensor, whose rows are read while the hand moves.
   [[nodiscard]] Node node(double u, double v) const {
     const double seconds = phone_.readout_s * (v / phone_.height - 0.5);
-    Vec3 direction = rays_.direction({u, v});
+    Vec3 direction = rays_.direction(Vec2{u, v} - displacement(phone_, camera_, {u, v}));
     direction += cross(turn_ * seconds, direction);
     const Vec3 eye = shot_.eye_mm + shot_.drift_mm_s * seconds;
     Node n;

@@ -13,6 +13,14 @@
 
 namespace lenticule::lab {
 
+/// Wave is a part of the smooth error that the correction of a phone's lens leaves in its pictures.
+/// Lengths in the longer side of the picture.
+struct Wave {
+  Vec2 turns_per_side;  ///< wave vector
+  double turns = 0.0;   ///< phase at the middle of the picture
+  Vec2 shift;           ///< largest displacement of a point in the picture
+};
+
 /// Phone describes what is the same in all photographs of a phone. Lengths in pixels of the whole
 /// sensor, whose pixels are `width` x `height`; relative lengths in its longer side.
 struct Phone {
@@ -24,6 +32,8 @@ struct Phone {
   Vec2 axis;             ///< principal point minus the middle of the picture, longer sides
   double radial1 = 0.0;  ///< a ray with tangent r appears at r (1 + radial1 r^2 + radial2 r^4)
   double radial2 = 0.0;
+  Vec2 tangential;           ///< Brown's two terms: the lenses of the objective are not centred
+  std::vector<Wave> warp;    ///< the sum of all displaces the picture
   double readout_s = 0.02;   ///< time from the first to the last row
   double vignetting = 0.25;  ///< missing part of the light in the corners
   double shot_noise = 0.01;  ///< standard deviation at full light, relative

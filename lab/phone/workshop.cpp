@@ -86,6 +86,33 @@ optics::Rig start_of(Draws& draw, const SimulatedSheet& build, const optics::Pan
   return start;
 }
 
+/// Returns a smooth random displacement with this root mean square over the picture.
+std::vector<Wave> warp_of(Draws& draw, double rms) {
+  constexpr int kWaves = 6;
+  std::vector<Wave> waves(kWaves);
+  double squares = 0.0;
+  for (Wave& wave : waves) {
+    wave.turns_per_side = {draw.around(1.2), draw.around(1.2)};
+    wave.turns = draw.around(0.5);
+    wave.shift = {draw.around(1.0), draw.around(1.0)};
+    squares += 0.5 * (wave.shift.x * wave.shift.x + wave.shift.y * wave.shift.y);
+  }
+  for (Wave& wave : waves) wave.shift = wave.shift * (rms / std::sqrt(squares));
+  return waves;
+}
+
+/// Sets what makes a phone more than a pinhole with radial distortion. A stream of its own keeps
+/// the other draws of a seed.
+void make_real(Draws draw, const WorkshopLimits& limits, Workshop& workshop) {
+  workshop.phone.tangential = {draw.around(0.0003), draw.around(0.0003)};
+  workshop.phone.warp = warp_of(draw, draw.between(limits.least_warp, limits.most_warp));
+  for (Shot& shot : workshop.shots) {
+    const double kind = draw.between(0.0, 1.0), turn = draw.around(std::numbers::pi);
+    const double shift = kind < 0.6 ? 0.0012 : kind < 0.9 ? 0.002 : 0.003;
+    shot.stabilisation = {shift * std::cos(turn), shift * std::sin(turn)};
+  }
+}
+
 Phone phone_of(Draws& draw, const WorkshopLimits& limits) {
   Phone phone;
   phone.width = limits.phone_width;
@@ -126,7 +153,8 @@ Shot shot_of(Draws& draw, int number, double distance, double panel_width_mm) {
   shot.look_at_mm = {panel_width_mm * draw.around(0.05), panel_width_mm * draw.around(0.05)};
   shot.roll_degrees = place.roll + draw.around(4.0);
   shot.breathing = draw.between(0.0, 0.015);
-  shot.stabilisation = {draw.around(0.002), draw.around(0.002)};
+  draw.whole();
+  draw.whole();
   shot.drift_mm_s = {draw.around(6.0), draw.around(6.0), draw.around(6.0)};
   shot.turn_degrees_s = {draw.around(0.6), draw.around(0.6), draw.around(0.6)};
   shot.room_light = draw.between(0.005, 0.05);
@@ -158,19 +186,20 @@ Workshop draw_workshop(uint64_t seed, const WorkshopLimits& limits) {
   workshop.phone = phone_of(draw, limits);
   for (int n = 0; n < limits.shots; ++n)
     workshop.shots.push_back(shot_of(draw, n, distance, width));
+  make_real(Draws(seed * 104729 + 71), limits, workshop);
   return workshop;
 }
 
 std::vector<Vec3> judged_eyes(const optics::Rig& start) {
   std::vector<Vec3> eyes;
   for (const double z : {0.8, 1.0, 1.2})
-    for (const double x : {-250.0, 0.0, 250.0})
+    for (const double x : {-250.0, -125.0, 0.0, 125.0, 250.0})
       eyes.push_back({x, start.viewing.height.value, z * start.viewing.distance.value});
   return eyes;
 }
 
 double worst_error(const optics::Rig& rig, const SheetShape& sheet, const std::vector<Vec3>& eyes) {
-  constexpr int kColumns = 13, kRows = 9, kGreen = 1;
+  constexpr int kColumns = 29, kRows = 17, kGreen = 1;
   const optics::OpticalModel model(rig);
   const optics::Panel& panel = rig.panel;
   double worst = 0.0;

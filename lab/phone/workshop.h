@@ -27,6 +27,9 @@ struct WorkshopLimits {
   double least_pitch_subpx = 4.0;
   double most_pitch_subpx = 11.0;
   int shots = 3;
+  /// Root mean square of the smooth displacement that the correction of the phone's lens leaves, in
+  /// parts of the picture's longer side.
+  double least_warp = 0.0001, most_warp = 0.0005;
 };
 
 /// Returns the limits for a panel and a phone of other widths. The chart's tags need room: a panel
@@ -39,12 +42,13 @@ struct WorkshopLimits {
 /// direction and turn is off by what a hand does.
 [[nodiscard]] Workshop draw_workshop(uint64_t seed, const WorkshopLimits& limits);
 
-/// Returns the eyes at which a rig is judged: 250 mm to each side, at 0.8, 1 and 1.2 of the
-/// viewing distance.
+/// Returns the 15 eyes at which a rig is judged: up to 250 mm to each side, at 0.8, 1 and 1.2 of
+/// the viewing distance.
 [[nodiscard]] std::vector<Vec3> judged_eyes(const optics::Rig& start);
 
 /// Returns the largest difference, in lenses, between the phases of a rig and the ground truth, for
-/// green light, over the panel and the eyes. A whole number of lenses does not count.
+/// green light, at 29 x 17 points of the panel and the eyes. A whole number of lenses does not
+/// count.
 [[nodiscard]] double worst_error(const optics::Rig& rig, const SheetShape& sheet,
                                  const std::vector<Vec3>& eyes);
 

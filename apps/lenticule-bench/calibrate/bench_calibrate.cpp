@@ -17,6 +17,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
@@ -62,6 +63,7 @@ struct CalibrateFlags {
 
   bool hand = false;
   std::vector<int> photographs = {2, 3, 4, 6};
+  std::optional<double> warp_percent;
   std::string plot;
   bool wrong_ways = false;
 };
@@ -469,6 +471,7 @@ lab::WorkshopLimits limits_of(const CalibrateFlags& flags) {
   lab::WorkshopLimits limits =
       lab::limits_for(flags.panel_width, flags.camera_width > 0 ? flags.camera_width : 4000);
   limits.shots = *std::ranges::max_element(flags.photographs);
+  if (flags.warp_percent) limits.least_warp = limits.most_warp = *flags.warp_percent / 100.0;
   return limits;
 }
 
@@ -636,6 +639,14 @@ cli::Run declare_bench_calibrate(CLI::App& app) {
           ->check(CLI::Range(1, 6))
           ->capture_default_str()
           ->needs(hand);
+  app.add_option(
+         "--warp", flags->warp_percent,
+         "smooth displacement that the correction of the phone's lens leaves, rms in percent "
+         "of the picture's width")
+      ->type_name("PERCENT")
+      ->check(CLI::Range(0.0, 1.0))
+      ->default_str("0.01 to 0.05, as phones have it")
+      ->needs(hand);
   app.add_option("--plot", flags->plot, "SVG file: error against number of photographs")
       ->needs(hand);
   app.add_flag(
