@@ -54,8 +54,8 @@ void camera_of_view(const T* camera, const T* own, double longer_px, T* out) {
 
 /// Returns the direction of a camera pixel in the camera's frame, z = 1. Removes the distortion by
 /// fixed-point steps, which converge to rounding for any lens usable for calibration.
-template <class T>
-PlanePoint<T> undistorted(const T* camera, double u, double v) {
+template <class T, class Pixel>
+PlanePoint<T> undistorted(const T* camera, const Pixel& u, const Pixel& v) {
   const T x = (u - camera[kCentreX]) / camera[kFocal];
   const T y = (v - camera[kCentreY]) / camera[kFocal];
   T ux = x, uy = y;

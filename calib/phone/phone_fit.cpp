@@ -24,6 +24,7 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
+#include <type_traits>
 #include <utility>
 
 #include "base/statistics.h"
@@ -47,18 +48,19 @@ struct FringeSeen {
   std::array<double, 3> colour_turns{};  ///< turns of red, green and blue minus `turns`
 };
 
-/// CornerSeen is a corner of a tag.
+/// CornerSeen is one coordinate of a corner of a tag.
 struct CornerSeen {
   Vec2 pixel;
+  bool vertical = false;
   Vec2 panel_mm;
-  Vec2 from_middle_mm;  ///< from the middle of its tag
+  Vec2 from_middle_mm;         ///< from the middle of its tag
+  double pixels_per_mm = 1.0;  ///< scale of the tags of its photograph
 };
 
 /// PhoneObservations are those of one photograph. Pixels are those of the averaged picture.
 struct PhoneObservations {
   std::vector<FringeSeen> phases;  ///< one phase for each of PhotoFindings::blocks, in their order
   std::vector<CornerSeen> corners;
-  double pixels_per_mm = 1.0;  ///< scale of the tags
 };
 
 constexpr int kGreen = 1;
@@ -93,15 +95,16 @@ void add_corners(const PhotoFindings& photo, const SinglePhotoChart& chart,
     const Vec2 middle = (drawn[0] + drawn[2]) * 0.5;
     for (size_t k = 0; k < drawn.size(); ++k) {
       const Vec2 mm{panel.x_mm(drawn[k].x), panel.y_mm(drawn[k].y)};
-      out.corners.push_back(
-          {tag.corners_px[k], mm, mm - Vec2{panel.x_mm(middle.x), panel.y_mm(middle.y)}});
+      for (const bool vertical : {false, true})
+        out.corners.push_back({tag.corners_px[k], vertical, mm,
+                               mm - Vec2{panel.x_mm(middle.x), panel.y_mm(middle.y)}});
     }
     length += std::hypot(panel.x_mm(drawn[2].x) - panel.x_mm(drawn[0].x),
                          panel.y_mm(drawn[2].y) - panel.y_mm(drawn[0].y));
     picture += std::hypot(tag.corners_px[2].x - tag.corners_px[0].x,
                           tag.corners_px[2].y - tag.corners_px[0].y);
   }
-  out.pixels_per_mm = picture / length;
+  for (CornerSeen& corner : out.corners) corner.pixels_per_mm = picture / length;
 }
 
 /// Converts the findings of a photograph that was measured without refusal.
@@ -110,6 +113,32 @@ PhoneObservations phone_observations(const PhotoFindings& photo, const SinglePho
   add_fringes(photo, chart, out);
   add_corners(photo, chart, out);
   return out;
+}
+
+/// The warp of a phone is the smooth displacement that the correction of its lens leaves in each
+/// picture; tangential distortion is a part of it. It is a sum of products of Chebyshev polynomials
+/// of the place, separately along rows and columns, of degrees 1 to kWarpDegree together. Of the
+/// linear terms only two are not a turn or another focal length: both are along rows.
+constexpr int kWarpDegree = 5;
+constexpr int kWarpTerms = (kWarpDegree + 1) * (kWarpDegree + 2) / 2 - 3;
+constexpr int kWarpCount = 2 * kWarpTerms + 2;
+
+/// Calls `use(coefficient, vertical, degree, value)` for the terms at a place, which is in halves
+/// of the picture's longer side from its middle.
+template <class Use>
+void for_warp_terms(Vec2 place, const Use& use) {
+  double across[kWarpDegree + 1] = {1.0, place.x}, down[kWarpDegree + 1] = {1.0, place.y};
+  for (int k = 2; k <= kWarpDegree; ++k) {
+    across[k] = 2.0 * place.x * across[k - 1] - across[k - 2];
+    down[k] = 2.0 * place.y * down[k - 1] - down[k - 2];
+  }
+  use(0, false, 1, place.x);
+  use(1, false, 1, place.y);
+  int at = 2;
+  for (int degree = 2; degree <= kWarpDegree; ++degree)
+    for (int k = 0; k <= degree; ++k)
+      for (const bool vertical : {false, true})
+        use(at++, vertical, degree, across[degree - k] * down[k]);
 }
 
 /// PhoneModel holds the observations of all photographs, and computes their residuals from the
@@ -124,12 +153,14 @@ class PhoneModel {
                        kShiftX = kOwn + kOwnCentreX, kShiftY = kOwn + kOwnCentreY,
                        kLarger = kOwn + kOwnCount, kTurn = kLarger + 1, kPhotoCount = kTurn + 3;
   /// Indices of blocks in the vector of all unknowns.
-  static constexpr int kSheet = kCameraCount, kKnots = kSheet + kSheetCount;
+  static constexpr int kSheet = kCameraCount, kWarp = kSheet + kSheetCount,
+                       kKnots = kWarp + kWarpCount;
 
   PhoneModel(const std::vector<PhotoFindings>& photos, const SinglePhotoChart& chart)
       : panel_(chart.start.panel),
         longer_(std::max(photos[0].width, photos[0].height)),
-        height_(photos[0].height) {
+        height_(photos[0].height),
+        middle_{0.5 * photos[0].width, 0.5 * photos[0].height} {
     for (const PhotoFindings& photo : photos) seen_.push_back(phone_observations(photo, chart));
   }
 
@@ -144,24 +175,38 @@ class PhoneModel {
     return kKnots + grid_.count() + kPhotoCount * static_cast<Index>(n);
   }
 
-  /// Returns the phase that the blocks of unknowns predict without the residual map, in turns, and
-  /// the point of the lens-apex plane at which it is seen.
+  /// Returns where a pixel of the picture would be without the warp.
+  [[nodiscard]] PlanePoint<double> without_warp(const double* warp, Vec2 pixel) const {
+    PlanePoint<double> at{pixel.x, pixel.y};
+    for_warp_terms(place_of(pixel), [&](int k, bool vertical, int, double value) {
+      (vertical ? at.y : at.x) -= longer_ * warp[k] * value;
+    });
+    return at;
+  }
+  /// Returns the place of a pixel for for_warp_terms().
+  [[nodiscard]] Vec2 place_of(Vec2 pixel) const { return (pixel - middle_) * (2.0 / longer_); }
+
+  /// Returns the difference of a phase from what the blocks of unknowns predict without the
+  /// residual map, in turns, and the point of the lens-apex plane at which it is seen.
   template <class T>
-  T phase_of(const T* camera, const T* sheet, const T* photo, const FringeSeen& seen,
-             PlanePoint<T>& lens) const {
-    lens = seen_point(camera, photo, seen.pixel);
-    return fringe_turns(seen.fringe, panel_, fringe_point(photo, sheet, panel_, lens)) -
+  T rest(const T* camera, const T* sheet, const T* photo, const FringeSeen& seen,
+         const PlanePoint<T>& pixel, PlanePoint<T>& lens) const {
+    lens = seen_point(camera, photo, pixel);
+    return seen.turns -
+           fringe_turns(seen.fringe, panel_, fringe_point(photo, sheet, panel_, lens)) +
            lens_coordinate(sheet, panel_, lens);
   }
-
   /// Returns the difference of a corner from its place on the panel, in pixels of the picture.
   template <class T>
-  PlanePoint<T> corner_rest(const T* camera, const T* sheet, const T* photo, const CornerSeen& seen,
-                            double pixels_per_mm) const {
-    const PlanePoint<T> at =
-        wide_pattern_point(photo, sheet, panel_, seen_point(camera, photo, seen.pixel));
-    return {(at.x - seen.panel_mm.x - photo[kLarger] * seen.from_middle_mm.x) * pixels_per_mm,
-            (at.y - seen.panel_mm.y - photo[kLarger] * seen.from_middle_mm.y) * pixels_per_mm};
+  T rest(const T* camera, const T* sheet, const T* photo, const CornerSeen& seen,
+         const PlanePoint<T>& pixel, PlanePoint<T>& lens) const {
+    lens = seen_point(camera, photo, pixel);
+    const PlanePoint<T> at = wide_pattern_point(photo, sheet, panel_, lens);
+    const T larger = 1.0 + photo[kLarger];
+    const Vec2 middle = seen.panel_mm - seen.from_middle_mm;
+    return (seen.vertical ? at.y - middle.y - larger * seen.from_middle_mm.y
+                          : at.x - middle.x - larger * seen.from_middle_mm.x) *
+           seen.pixels_per_mm;
   }
 
   /// Returns the weights of the knots at a point of the panel.
@@ -170,45 +215,38 @@ class PhoneModel {
                         panel_.height_px);
   }
 
-  /// Returns the residual of a phase without whole lenses. `knots` is the block of the map.
-  [[nodiscard]] double phase_rest(const double* camera, const double* sheet, const double* photo,
-                                  const double* knots, const FringeSeen& seen) const {
+  /// Returns the residual of an observation of photograph n, of a phase without whole lenses.
+  template <class Seen>
+  [[nodiscard]] double rest(const VectorXd& values, size_t n, const Seen& seen) const {
+    const double* all = values.data();
+    return rest(all, all + kSheet, all + photo_at(n), all + kWarp, all + kKnots, seen);
+  }
+  template <class Seen>
+  [[nodiscard]] double rest(const double* camera, const double* sheet, const double* photo,
+                            const double* warp, const double* knots, const Seen& seen) const {
     PlanePoint<double> lens{};
-    const double phase = phase_of(camera, sheet, photo, seen, lens);
-    double rest = seen.turns - phase;
-    for (const KnotWeight& w : weights_at(lens.x, lens.y)) rest += w.weight * knots[w.knot];
-    return rest - std::round(rest);
+    double off = rest(camera, sheet, photo, seen, without_warp(warp, seen.pixel), lens);
+    if constexpr (std::is_same_v<Seen, CornerSeen>) return off;
+    for (const KnotWeight& w : weights_at(lens.x, lens.y)) off += w.weight * knots[w.knot];
+    return off - std::round(off);
   }
-  [[nodiscard]] double phase_rest(const VectorXd& values, size_t n, const FringeSeen& seen) const {
-    const double* all = values.data();
-    return phase_rest(all, all + kSheet, all + photo_at(n), all + kKnots, seen);
-  }
-  [[nodiscard]] std::vector<double> phase_rests(const VectorXd& values, size_t n) const {
-    std::vector<double> rests;
-    for (const FringeSeen& seen : seen_[n].phases) rests.push_back(phase_rest(values, n, seen));
-    return rests;
-  }
-  /// Returns the residuals of all corners of photograph n: x and y of each, pixels.
-  [[nodiscard]] std::vector<double> corner_rests(const VectorXd& values, size_t n) const {
-    const double* all = values.data();
-    std::vector<double> rests;
-    for (const CornerSeen& seen : seen_[n].corners) {
-      const PlanePoint<double> rest =
-          corner_rest(all, all + kSheet, all + photo_at(n), seen, seen_[n].pixels_per_mm);
-      rests.insert(rests.end(), {rest.x, rest.y});
-    }
-    return rests;
+  template <class Seen>
+  [[nodiscard]] std::vector<double> rests(const VectorXd& values, size_t n,
+                                          const std::vector<Seen>& all) const {
+    std::vector<double> out;
+    for (const Seen& seen : all) out.push_back(rest(values, n, seen));
+    return out;
   }
 
  private:
   /// Returns the point of the lens-apex plane that a pixel sees. The rows are read one after the
   /// other while the hand turns the camera; `row` is -1/2 for the first and 1/2 for the last.
   template <class T>
-  PlanePoint<T> seen_point(const T* common, const T* photo, Vec2 pixel) const {
+  PlanePoint<T> seen_point(const T* common, const T* photo, const PlanePoint<T>& pixel) const {
     T camera[kCameraCount];
     camera_of_view(common, photo + kOwn, longer_, camera);
     const PlanePoint<T> d = undistorted(camera, pixel.x, pixel.y);
-    const double row = pixel.y / height_ - 0.5;
+    const T row = pixel.y / height_ - 0.5;
     const T* turn = photo + kTurn;
     const T in_camera[3] = {d.x + row * (turn[1] - turn[2] * d.y),
                             d.y + row * (turn[2] * d.x - turn[0]),
@@ -217,8 +255,8 @@ class PhoneModel {
   }
 
   const optics::Panel& panel_;
-  double longer_;
-  int height_;
+  double longer_, height_;
+  Vec2 middle_;
   KnotGrid grid_{.columns = 13, .rows = 8};
   std::vector<PhoneObservations> seen_;
 };
@@ -252,7 +290,7 @@ void search_gap(const PhoneModel& model, VectorXd& values) {
     for (size_t n = 0; n < photos.size(); ++n) {
       std::complex<double> own;
       for (const FringeSeen& seen : photos[n].phases)
-        own += std::polar(1.0, 2.0 * std::numbers::pi * model.phase_rest(values, n, seen));
+        own += std::polar(1.0, 2.0 * std::numbers::pi * model.rest(values, n, seen));
       sum += own / static_cast<double>(std::max<size_t>(photos[n].phases.size(), 1));
     }
     const double off = 0.3 * k / kSteps / kGapSigma;
@@ -300,63 +338,57 @@ VectorXd start_values(const PhoneModel& model, const std::vector<PhotoFindings>&
   return values;
 }
 
-/// PhaseTerm is the residual of a phase in standard errors. Parameter blocks: camera, sheet,
-/// photograph, and all knots, of which a point of the panel needs at most 16.
-class PhaseTerm final : public ceres::CostFunction {
+/// Term is the residual of an observation in standard errors. Parameter blocks: camera, sheet,
+/// photograph, warp; for a phase also all knots, of which a point of the panel needs at most 16.
+template <class Seen>
+class Term final : public ceres::CostFunction {
  public:
-  PhaseTerm(const PhoneModel& model, const FringeSeen& seen, double sigma)
+  Term(const PhoneModel& model, const Seen& seen, double sigma)
       : model_(model), seen_(seen), sigma_(sigma) {
     set_num_residuals(1);
-    *mutable_parameter_block_sizes() = {kCameraCount, kSheetCount, PhoneModel::kPhotoCount,
-                                        model.grid().count()};
+    *mutable_parameter_block_sizes() = {kSizes[0], kSizes[1], kSizes[2], kWarpCount};
+    if constexpr (kHasKnots) mutable_parameter_block_sizes()->push_back(model.grid().count());
   }
 
   bool Evaluate(const double* const* blocks, double* residual, double** jacobians) const override {
-    residual[0] = model_.phase_rest(blocks[0], blocks[1], blocks[2], blocks[3], seen_) / sigma_;
+    const double* const warp = blocks[kBlocks];
+    const double* const knots = kHasKnots ? blocks[kBlocks + 1] : nullptr;
+    residual[0] = model_.rest(blocks[0], blocks[1], blocks[2], warp, knots, seen_) / sigma_;
     if (jacobians == nullptr) return std::isfinite(residual[0]);
     std::array<Jet, kUnknowns> unknowns;
     for (int b = 0, at = 0; b < kBlocks; ++b)
       for (int k = 0; k < kSizes[b]; ++k, ++at)
         unknowns[static_cast<size_t>(at)] = Jet(blocks[b][k], at);
+    const PlanePoint<double> at_pixel = model_.without_warp(warp, seen_.pixel);
+    const PlanePoint<Jet> pixel{Jet(at_pixel.x, kUnknowns), Jet(at_pixel.y, kUnknowns + 1)};
     const Jet* const sheet = unknowns.data() + kSizes[0];
     PlanePoint<Jet> lens;
-    const Jet phase = model_.phase_of(unknowns.data(), sheet, sheet + kSizes[1], seen_, lens);
+    const Jet off = model_.rest(unknowns.data(), sheet, sheet + kSizes[1], seen_, pixel, lens);
     for (int b = 0, at = 0; b < kBlocks; at += kSizes[b++])
       for (int k = 0; k < kSizes[b] && jacobians[b] != nullptr; ++k)
-        jacobians[b][k] = -phase.v[at + k] / sigma_;
-    if (double* const knots = jacobians[kBlocks]; knots != nullptr) {
-      std::fill_n(knots, model_.grid().count(), 0.0);
+        jacobians[b][k] = off.v[at + k] / sigma_;
+    if (double* const slopes = jacobians[kBlocks]; slopes != nullptr)
+      for_warp_terms(model_.place_of(seen_.pixel), [&](int k, bool vertical, int, double value) {
+        slopes[k] = -model_.longer_px() * value * off.v[kUnknowns + (vertical ? 1 : 0)] / sigma_;
+      });
+    if (double* const slopes = kHasKnots ? jacobians[kBlocks + 1] : nullptr; slopes != nullptr) {
+      std::fill_n(slopes, model_.grid().count(), 0.0);
       for (const KnotWeight& w : model_.weights_at(lens.x.a, lens.y.a))
-        knots[w.knot] = w.weight / sigma_;
+        slopes[w.knot] = w.weight / sigma_;
     }
     return std::isfinite(residual[0]);
   }
 
  private:
+  static constexpr bool kHasKnots = std::is_same_v<Seen, FringeSeen>;
   static constexpr int kBlocks = 3;  ///< with derivatives by dual numbers
   static constexpr int kSizes[kBlocks] = {kCameraCount, kSheetCount, PhoneModel::kPhotoCount};
   static constexpr int kUnknowns = kSizes[0] + kSizes[1] + kSizes[2];
-  using Jet = ceres::Jet<double, kUnknowns>;
+  using Jet = ceres::Jet<double, kUnknowns + 2>;  ///< also by the pixel, which the warp moves
 
   const PhoneModel& model_;
-  const FringeSeen& seen_;
+  const Seen& seen_;
   double sigma_;
-};
-
-/// CornerTerm is the residual of one coordinate of a corner in standard errors.
-struct CornerTerm {
-  const PhoneModel& model;
-  const CornerSeen& seen;
-  double pixels_per_mm;
-  double sigma_px;
-  bool vertical;
-
-  template <class T>
-  bool operator()(const T* camera, const T* sheet, const T* photo, T* out) const {
-    const PlanePoint<T> rest = model.corner_rest(camera, sheet, photo, seen, pixels_per_mm);
-    out[0] = (vertical ? rest.y : rest.x) / sigma_px;
-    return true;
-  }
 };
 
 // Standard deviations of priors. Principal points of phones are within 0.8 % of the longer side.
@@ -364,7 +396,9 @@ constexpr double kAxisSigma = 0.006;
 constexpr double kRadialSigma = 0.1, kLargerSigma = 0.1, kShapeSigma = 0.1;
 constexpr double kAberrationSigma = 0.02, kSagSigma = 0.05;
 constexpr double kBendSigma = 0.01;  ///< second differences of the map, lenses
-constexpr double kKnotSigma = 0.1;   ///< lenses; keeps plane and map apart
+/// Warp by the degree of its terms, parts of the longer side; 2 has most of tangential distortion.
+constexpr double kWarpSigmas[kWarpDegree + 1] = {0.0, 2e-4, 2e-4, 1.5e-4, 1e-4, 5e-5};
+constexpr double kKnotSigma = 0.1;  ///< lenses; keeps plane and map apart
 
 /// Returns the weights of the map's prior: knots are small, and their second differences smaller.
 MatrixXd map_weights(const KnotGrid& grid) {
@@ -388,20 +422,14 @@ MatrixXd map_weights(const KnotGrid& grid) {
   return out;
 }
 
-/// Returns the derivative of PhoneModel::phase_of() by the gap, lenses per mm.
+/// Returns the derivative of a phase by the gap, lenses per mm.
 double phase_per_gap(const PhoneModel& model, const VectorXd& values, size_t n,
                      const FringeSeen& seen) {
   constexpr double kPart = 1e-3;
-  const double* camera = values.data();
-  const double* sheet = camera + PhoneModel::kSheet;
-  const double* photo = camera + model.photo_at(n);
-  SheetParameters more;
-  std::copy_n(sheet, kSheetCount, more.begin());
-  more[kGap] *= 1.0 + kPart;
-  PlanePoint<double> lens{};
-  return (model.phase_of(camera, more.data(), photo, seen, lens) -
-          model.phase_of(camera, sheet, photo, seen, lens)) /
-         (kPart * sheet[kGap]);
+  VectorXd more = values;
+  more[PhoneModel::kSheet + kGap] *= 1.0 + kPart;
+  return (model.rest(values, n, seen) - model.rest(more, n, seen)) /
+         (kPart * values[PhoneModel::kSheet + kGap]);
 }
 
 /// Measures the gap of red, green and blue light, mm, at the fitted values, in the order of
@@ -501,8 +529,9 @@ class Joint {
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
     if (!summary.IsSolutionUsable()) return std::nullopt;
-    std::vector<double*> blocks = {values_.data(), values_.data() + PhoneModel::kSheet,
-                                   values_.data() + PhoneModel::kKnots};
+    std::vector<double*> blocks;
+    for (const int at : {0, PhoneModel::kSheet, PhoneModel::kWarp, PhoneModel::kKnots})
+      blocks.push_back(values_.data() + at);
     for (size_t n = 0; n < model_.seen().size(); ++n) blocks.push_back(block_of(n));
     return inverse_of_normal_equations(problem, blocks);
   }
@@ -521,36 +550,42 @@ class Joint {
         problem, values_.data() + kSheet, kSheetCount,
         {prior(kSheet, kGap, kGapSigma * means_[kSheet + kGap]), prior(kSheet, kShape, kShapeSigma),
          prior(kSheet, kAberration, kAberrationSigma), prior(kSheet, kSag, kSagSigma)});
+    std::vector<Prior> small;
+    for_warp_terms({}, [&](int k, bool, int degree, double) {
+      small.push_back({k, 0.0, kWarpSigmas[degree]});
+    });
+    add_priors(problem, values_.data() + PhoneModel::kWarp, kWarpCount, small);
     problem.AddResidualBlock(
         new ceres::NormalPrior(map_weights(model_.grid()), VectorXd::Zero(model_.grid().count())),
         nullptr, values_.data() + PhoneModel::kKnots);
   }
 
   void add_photo(ceres::Problem& problem, size_t n, double turn_sigma) {
-    using Corner = ceres::AutoDiffCostFunction<CornerTerm, 1, kCameraCount, kSheetCount,
-                                               PhoneModel::kPhotoCount>;
-    constexpr double kOutlier = 3.0;
+    constexpr double kOutlier = 3.0, kShiftTail = 2.0;
     const PhoneObservations& photo = model_.seen()[n];
     double* const camera = values_.data();
     double* const sheet = camera + PhoneModel::kSheet;
+    double* const warp = camera + PhoneModel::kWarp;
     double* const own = block_of(n);
     for (const CornerSeen& seen : photo.corners)
-      for (const bool vertical : {false, true})
-        problem.AddResidualBlock(new Corner(new CornerTerm{model_, seen, photo.pixels_per_mm,
-                                                           corner_sigma_[n], vertical}),
-                                 new ceres::CauchyLoss(kOutlier), camera, sheet, own);
+      problem.AddResidualBlock(new Term(model_, seen, corner_sigma_[n]),
+                               new ceres::CauchyLoss(kOutlier), camera, sheet, own, warp);
     for (const FringeSeen& seen : photo.phases)
       problem.AddResidualBlock(
-          new PhaseTerm(model_, seen, phase_sigma_[n] / std::sqrt(std::max(seen.weight, 1e-3))),
-          new ceres::CauchyLoss(kOutlier), camera, sheet, own, values_.data() + PhoneModel::kKnots);
+          new Term(model_, seen, phase_sigma_[n] / std::sqrt(std::max(seen.weight, 1e-3))),
+          new ceres::CauchyLoss(kOutlier), camera, sheet, own, warp,
+          values_.data() + PhoneModel::kKnots);
     add_priors(problem, own, PhoneModel::kPhotoCount,
                {{PhoneModel::kBreathing, 0.0, kOwnFocalSigma},
-                {PhoneModel::kShiftX, 0.0, kOwnCentreSigma},
-                {PhoneModel::kShiftY, 0.0, kOwnCentreSigma},
                 {PhoneModel::kLarger, 0.0, kLargerSigma},
                 {PhoneModel::kTurn, 0.0, turn_sigma},
                 {PhoneModel::kTurn + 1, 0.0, turn_sigma},
                 {PhoneModel::kTurn + 2, 0.0, turn_sigma}});
+    // Most stabilisers shift a little, some by much.
+    MatrixXd shift = MatrixXd::Zero(2, PhoneModel::kPhotoCount);
+    shift(0, PhoneModel::kShiftX) = shift(1, PhoneModel::kShiftY) = 1.0 / kOwnCentreSigma;
+    problem.AddResidualBlock(new ceres::NormalPrior(shift, VectorXd::Zero(PhoneModel::kPhotoCount)),
+                             new ceres::CauchyLoss(kShiftTail), own);
   }
 
   void rescale() {
@@ -560,9 +595,11 @@ class Joint {
     const double least_corner = few ? kLeastCornerPxOfFew : kLeastCornerPx;
     for (size_t n = 0; n < model_.seen().size(); ++n) {
       phase_sigma_[n] =
-          std::max(least_phase, kOfMedian * median_magnitude(model_.phase_rests(values_, n)));
-      corner_sigma_[n] =
-          std::max(least_corner, kOfMedian * median_magnitude(model_.corner_rests(values_, n)));
+          std::max(least_phase,
+                   kOfMedian * median_magnitude(model_.rests(values_, n, model_.seen()[n].phases)));
+      corner_sigma_[n] = std::max(
+          least_corner,
+          kOfMedian * median_magnitude(model_.rests(values_, n, model_.seen()[n].corners)));
     }
   }
 
@@ -598,11 +635,12 @@ class Joint {
     out.shift = {own[PhoneModel::kShiftX], own[PhoneModel::kShiftY]};
     out.breathing_pull = std::abs(out.breathing) / kOwnFocalSigma;
     out.shift_pull = std::hypot(out.shift.x, out.shift.y) / kOwnCentreSigma;
-    out.phase_rests = model_.phase_rests(values_, n);
+    out.phase_rests = model_.rests(values_, n, model_.seen()[n].phases);
     // Blocks that are seen steeply have little contrast.
     const std::vector<FringeSeen>& phases = model_.seen()[n].phases;
     out.phase_rms = rms(out.phase_rests, [&](size_t k) { return phases[k].weight; });
-    out.corner_rms_px = rms(model_.corner_rests(values_, n), [](size_t) { return 1.0; });
+    out.corner_rms_px =
+        rms(model_.rests(values_, n, model_.seen()[n].corners), [](size_t) { return 1.0; });
     const Index at = model_.photo_at(n) + kPupil;
     out.eye_sigma_mm = {std::sqrt(covariance(at, at)), std::sqrt(covariance(at + 1, at + 1)),
                         std::sqrt(covariance(at + 2, at + 2))};
@@ -618,7 +656,10 @@ class Joint {
     std::copy_n(values + kCameraCount, kSheetCount, fit.values.sheet.begin());
     fit.values.knots.assign(values + PhoneModel::kKnots, values + model_.photo_at(0));
     const Index count = kSheetCount + model_.grid().count();
-    fit.covariance = inverse.block(kCameraCount, kCameraCount, count, count);
+    std::vector<Index> kept(static_cast<size_t>(count));  // sheet and knots
+    for (Index k = 0; k < count; ++k)
+      kept[static_cast<size_t>(k)] = kCameraCount + k + (k < kSheetCount ? 0 : kWarpCount);
+    fit.covariance = inverse(kept, kept);
     fit.colour_gap = colour_gaps(model_, values_, std::sqrt(fit.covariance(kGap, kGap)));
     fit.values.sheet[kGap] = fit.colour_gap[kGreen].value;
     for (size_t n = 0; n < model_.seen().size(); ++n) {
@@ -650,7 +691,7 @@ namespace {
 /// Largest evidence of a rotation with which a result is accepted. The limit is higher for more
 /// than kFewPhotos photographs: they determine rotations more exactly than the model of a rig is
 /// valid.
-constexpr double kMostEvidence = 11.5, kMostEvidenceOfFew = 4.0;
+constexpr double kMostEvidence = 11.5, kMostEvidenceOfFew = 5.5;
 /// Evidence at which a moved hand is as likely as one that held still: users are asked to hold the
 /// phone still, so few photographs have one.
 constexpr double kEvenEvidence = 3.0;
@@ -659,7 +700,7 @@ constexpr double kHarmlessTurnLenses = 0.006;
 /// Largest expected change of a phase by a rotation that is only possible: its probability times
 /// the change. With this limit about one in a hundred hands that held still is doubted, and none of
 /// 200 that turned by 8 degrees a second gave a wrong rig.
-constexpr double kMostExpectedLenses = 0.00075;
+constexpr double kMostExpectedLenses = 0.0015;
 
 optics::Rig rig_of(const PhoneFit& fit, const optics::Rig& start) {
   optics::Rig rig = start;
