@@ -504,6 +504,45 @@ Refusal locate_fringes(const PhotoLight& picture, const PhotoPose& pose,
   return std::nullopt;
 }
 
+/// Refuses a panel whose subpixels are not where the rig has them: the fringes of red and blue are
+/// then ahead of those of green, everywhere alike. Refraction moves them by up to 0.02 lens.
+Refusal contradicting_layout(const std::vector<FringeBlock>& blocks, const optics::Rig& rig) {
+  constexpr double kMostLenses = 0.035;
+  std::array<double, 3> ahead{};
+  for (const size_t c : {size_t{0}, size_t{2}}) {
+    std::complex<double> sum;
+    for (const FringeBlock& b : blocks)
+      sum += std::polar(b.weight, 2.0 * std::numbers::pi * (b.colour_phase[c] - b.colour_phase[1]));
+    ahead[c] = std::arg(sum) / (2.0 * std::numbers::pi);
+  }
+  const auto place = [&](const optics::SubpixelLayout& layout, size_t c) {
+    double sum = 0.0;
+    for (const optics::PixelCell& cell : layout.table())
+      sum += cell[c].x_px - cell[1].x_px + rig.sheet.slant * (cell[c].y_px - cell[1].y_px);
+    return sum / static_cast<double>(layout.table().size());
+  };
+  const auto miss = [&](const optics::SubpixelLayout& layout) {
+    double most = 0.0;
+    for (const size_t c : {size_t{0}, size_t{2}}) {
+      const double moved = place(layout, c) - place(rig.panel.layout, c);
+      most = std::max(most, std::abs(wrapped(ahead[c] + 3.0 * moved / rig.sheet.pitch.value)));
+    }
+    return most;
+  };
+  double least = miss(rig.panel.layout);
+  if (least <= kMostLenses) return std::nullopt;
+  std::string fitting = "no usual layout fits: it may be PenTile";
+  for (const char* name : {"rgb", "bgr", "vrgb", "vbgr"})
+    if (const double one = miss(optics::SubpixelLayout::named(name)); one < 0.5 * least) {
+      least = one;
+      fitting = fmt::format("layout = \"{}\" fits to {:.3f}", name, one);
+    }
+  return fmt::format(
+      "the panel's subpixels are not at the places of the rig's layout {}: the fringes of red and "
+      "blue are {:.3f} and {:.3f} lens ahead of green's; {}",
+      rig.panel.layout.name(), ahead[0], ahead[2], fitting);
+}
+
 /// Fits the phases of `fit.fringes`, starting at `fit.rig`. Refuses faint fringes and those that
 /// fit no even sheet.
 Refusal fit_phases(const SinglePhotoChart& chart, PlaneFit& fit) {
@@ -520,6 +559,7 @@ Refusal fit_phases(const SinglePhotoChart& chart, PlaneFit& fit) {
   }
   if (median_contrast(fit.blocks) < kLeastContrast)
     return "the fringes are too faint: the picture is blurred or the room too bright";
+  if (Refusal refusal = contradicting_layout(fit.blocks, fit.rig)) return refusal;
   if (fit.left_out() > kMostLeftOut || fit.blocks.size() < 20 ||
       fit.correction.rms_lenses > kMostRmsLenses)
     return fmt::format(

@@ -244,6 +244,23 @@ std::vector<WrongWay> list_of_ways() {
   taken("another panel: pitch 0.3 % off",
         "the sheet moved|another chart|fit no|no sheet|do not fit",
         [](Taking& t, const Workshop&) { t.build.pitch_subpx *= 1.003; });
+  // The phases of green may be right, those of red and blue are wrong.
+  taken(
+      "panel with blue on the left, rig of red", "layout = \"bgr\"",
+      [](Taking& t, const Workshop&) { t.panel.layout = optics::SubpixelLayout::bgr(); }, true);
+  taken(
+      "panel with red above blue", "layout = \"vrgb\"",
+      [](Taking& t, const Workshop&) { t.panel.layout = optics::SubpixelLayout::vrgb(); }, true);
+  taken(
+      "panel with red and blue in turns (PenTile)", "PenTile",
+      [](Taking& t, const Workshop&) {
+        // Every other pixel has red, the others blue.
+        t.panel.layout =
+            optics::SubpixelLayout::cells(2, 1,
+                                          {{{{0.25, 0.5}, {0.75, 0.5}, {1.25, 0.5}}},
+                                           {{{-0.75, 0.5}, {0.75, 0.5}, {0.25, 0.5}}}});
+      },
+      true);
   taken(
       "all from the same place", "take one more",
       [](Taking& t, const Workshop& w) {
@@ -278,9 +295,10 @@ std::filesystem::path WrongWayTrial::photograph_of(size_t number, const optics::
                                                                        : "right-") +
                                                        std::to_string(number + 1) + ".jpg");
   if (way == nullptr && std::filesystem::exists(file)) return file;
-  Taking taking{workshop_.build, workshop_.phone, workshop_.shots[number], shown};
+  Taking taking{workshop_.start.panel, workshop_.build, workshop_.phone, workshop_.shots[number],
+                shown};
   if (way != nullptr && way->before != nullptr) way->before(taking, workshop_);
-  const SheetShape sheet(workshop_.start.panel, taking.build);
+  const SheetShape sheet(taking.panel, taking.build);
   frames::WovenFrame chart =
       calib::draw_single_photo_chart(calib::plan_single_photo_chart(taking.shown));
   if (taking.chart_scale != 1.0) chart = scaled(chart, taking.chart_scale);
@@ -333,6 +351,10 @@ WrongWayResult WrongWayTrial::calibrate(const WrongWay& way) {
   else if (found.verdict != calib::Verdict::Refused && out.error_lenses > HandTrial::kMostLenses)
     out.outcome = HandOutcome::Wrong;
   if (out.reason.empty() && !found.reasons.empty()) out.reason = found.reasons.front();
+  Taking taken{workshop_.start.panel, workshop_.build, workshop_.phone, workshop_.shots[0], start};
+  if (way.before != nullptr) way.before(taken, workshop_);
+  if (out.outcome == HandOutcome::Right && taken.panel.layout != start.panel.layout)
+    out.outcome = HandOutcome::Wrong;
   out.cause_named = has_one_of(out.reason, way.causes);
   return out;
 }

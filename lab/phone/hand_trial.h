@@ -70,6 +70,7 @@ class HandTrial {
 
 /// Taking is what a photograph depends on.
 struct Taking {
+  optics::Panel panel;
   SimulatedSheet build;
   Phone phone;
   Shot shot;
