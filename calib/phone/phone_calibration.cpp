@@ -21,9 +21,11 @@ constexpr double kWantedLenses = 0.02;
 constexpr double kMostPhaseRms = 0.02;  ///< lenses; good photographs have 0.005
 constexpr double kMostCornerPx = 2.0;   ///< averaged pixels
 constexpr double kMostPull = 4.0;       ///< standard deviations
-/// Limits of joint_pull(): stabilisers that shift by 0.3 % reach 4, nearly all stay below
-/// kUsualJointPull; a turned file or two phones have 2.4 to 14.
-constexpr double kUsualJointPull = 3.2, kMostJointPull = 4.5;
+/// Two stabilisers that shift by 0.3 % to opposite sides are 0.6 % apart.
+constexpr double kMostShiftPull = 6.5;
+/// Limits of joint_pull(): nearly all good photographs stay below kUsualJointPull; a sheet that
+/// moved has 10 to 38, two phones often more than 7.
+constexpr double kUsualJointPull = 4.2, kMostJointPull = 7.0;
 constexpr double kMostSaturated = 0.1;  ///< clipped fringes seem shifted; usual are 0.002
 constexpr double kZoneHalfWidthMm = 250.0;
 /// Difference between traced lenses and the law of rigs with the gap and shape that fringes give:
@@ -118,23 +120,35 @@ std::string cause_of_fringes(const std::vector<PhonePhoto>& photos, size_t n) {
          "picture";
 }
 
-std::string cause_of_shift(const PhotoFit& fit) {
-  return fmt::format(
-      "its axis seems {:.1f} % of its longer side off that of the others: it was cropped, mirrored "
-      "or rotated, or is of another phone, or the sheet moved on the panel",
-      100.0 * std::hypot(fit.shift.x, fit.shift.y));
+/// Returns the cause in words, with the number seen.
+std::string words_of(const Explanation& cause) {
+  switch (cause.kind) {
+    case MistakeKind::Turn:
+      return fmt::format(
+          "the phone turned by {:.2f} degrees while the picture was read: the hand moved; hold the "
+          "phone still",
+          cause.size * 180.0 / std::numbers::pi);
+    case MistakeKind::Axis:
+      return fmt::format(
+          "its axis seems {:.1f} % of its longer side off that of the others: it was cropped, "
+          "mirrored or rotated, or is of another phone",
+          100.0 * cause.size);
+    case MistakeKind::Focal:
+      return fmt::format(
+          "its focal length differs by {:.1f} % from that of the others: it was zoomed, cropped or "
+          "resized, or is of another lens of the phone",
+          100.0 * cause.size);
+    case MistakeKind::Sheet:
+      return fmt::format("the sheet moved on the panel by {:.2f} lens before it",
+                         std::abs(cause.size));
+  }
+  return "";
 }
 
-/// Returns the worst contradiction of the n-th photograph. An axis that is off and a sheet that
-/// moved look alike in the fringes.
+/// Returns the worst fault of the n-th photograph that its own tags and fringes show.
 Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const PhotoFit& fit) {
   const int averaged = photos[n].findings.averaged;
   const Misfit kinds[] = {
-      {fit.breathing_pull / kMostPull,
-       fmt::format("its focal length differs by {:.1f} % from that of the others: it was zoomed, "
-                   "cropped or resized, or is of another lens of the phone",
-                   100.0 * fit.breathing)},
-      {fit.shift_pull / kMostPull, cause_of_shift(fit)},
       {fit.corner_rms_px / kMostCornerPx,
        fmt::format("its tags are {:.1f} pixels (rms) off: the hand moved, or the phone merged "
                    "several exposures (HDR)",
@@ -153,19 +167,29 @@ double joint_pull(const PhoneFit& fit) {
   return std::sqrt(squares * static_cast<double>(kFewPhotos) / static_cast<double>(more));
 }
 
-/// Returns the contradiction of the shifts of all photographs, by the name of the largest.
-Misfit joint_shift(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
-  const auto most = std::ranges::max_element(fit.photos, {}, &PhotoFit::shift_pull);
-  return {
-      joint_pull(fit) / kMostJointPull,
-      photos[static_cast<size_t>(most - fit.photos.begin())].name + ": " + cause_of_shift(*most)};
+/// Returns how much the cameras of the photographs differ, relative to what is accepted.
+double excess_of_cameras(const PhoneFit& fit) {
+  double most = 0.0;
+  for (const PhotoFit& photo : fit.photos)
+    most = std::max({most, photo.breathing_pull / kMostPull, photo.shift_pull / kMostShiftPull});
+  return most;
 }
 
-std::string words_of(const TurnedFit& turned, const std::string& photograph) {
-  return fmt::format(
-      "{}: the phone turned by {:.2f} degrees while the picture was read: the hand "
-      "moved; hold the phone still",
-      photograph, turned.radians * 180.0 / std::numbers::pi);
+/// Names the likeliest mistake that would explain what the photographs contradict each other in,
+/// and another one that is nearly as likely.
+std::string likeliest_mistake(const std::vector<PhonePhoto>& photos,
+                              const std::vector<PhotoFindings>& findings,
+                              const SinglePhotoChart& chart, const Estimate& focal_px) {
+  constexpr double kClose = 3.0;  // a factor of 20
+  const std::vector<Explanation> all = explain_contradiction(findings, chart, focal_px);
+  if (all.empty()) return "the photographs contradict each other: take all of them again";
+  const Explanation& first = all.front();
+  std::string out = photos[first.photo].name + ": " + words_of(first);
+  const auto other =
+      std::ranges::find_if(all, [&](const Explanation& one) { return one.kind != first.kind; });
+  if (other != all.end() && other->evidence > first.evidence - kClose)
+    out += "; or " + photos[other->photo].name + ": " + words_of(*other);
+  return out;
 }
 
 std::string doubt_of(const TurnedFit& turned, const std::string& photograph) {
@@ -199,20 +223,22 @@ std::string cut_chart(const std::vector<PhonePhoto>& photos) {
 
 /// Returns which photograph contradicts the others most, and why; empty if none does.
 std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
-                   const optics::Rig& start) {
+                   const std::vector<PhotoFindings>& findings, const SinglePhotoChart& chart,
+                   const Estimate& focal_px) {
   Misfit worst{.excess = 1.0, .cause = {}};
   for (size_t n = 0; n < photos.size(); ++n) {
     const Misfit own = worst_misfit(photos, n, fit.photos[n]);
     if (own.excess > worst.excess) worst = {own.excess, photos[n].name + ": " + own.cause};
   }
-  // A part of the chart leaves shifts and rotations too uncertain to blame one.
-  if (!worst.cause.empty() || depends_on_cut(photos)) return worst.cause;
-  const TurnedFit* turned = moved_hand(fit, start, zone_of(start));
-  // A false axis also looks like a rotation, but the rotation does not explain the shifts.
-  const bool explains = turned != nullptr && joint_pull(turned->fit) <= kMostJointPull;
-  const Misfit joint = joint_shift(photos, fit);
-  if (joint.excess > worst.excess && !explains) return joint.cause;
-  return turned == nullptr ? "" : words_of(*turned, photos[turned->photo].name);
+  const double cameras = excess_of_cameras(fit);
+  if (cameras <= worst.excess) {
+    // A part of the chart leaves shifts and rotations too uncertain to blame one.
+    if (!worst.cause.empty() || depends_on_cut(photos)) return worst.cause;
+    if (joint_pull(fit) <= kMostJointPull &&
+        moved_hand(fit, chart.start, zone_of(chart.start)) == nullptr)
+      return "";
+  }
+  return likeliest_mistake(photos, findings, chart, focal_px);
 }
 
 /// Returns the component of the panel's x axis along the picture's rows.
@@ -352,8 +378,8 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
   std::vector<PhotoFindings> findings;
   for (const PhonePhoto& photo : usable) findings.push_back(photo.findings);
   const double averaged = findings.front().averaged;
-  const auto fit =
-      fit_phone(findings, chart, {focal_px.value / averaged, focal_px.sigma / averaged});
+  const Estimate focal{focal_px.value / averaged, focal_px.sigma / averaged};
+  const auto fit = fit_phone(findings, chart, focal);
   if (!fit) {
     out.reasons.emplace_back("no sheet and no camera agree with all photographs");
     return out;
@@ -362,7 +388,7 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
   set_result(usable, mean, chart.start, out);
   out.seconds_computing =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-  if (const std::string reason = misfit(usable, *fit, chart.start); !reason.empty()) {
+  if (const std::string reason = misfit(usable, *fit, findings, chart, focal); !reason.empty()) {
     out.reasons.push_back(reason);
     return out;
   }

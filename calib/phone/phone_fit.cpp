@@ -19,10 +19,13 @@
 #include <ceres/normal_prior.h>
 #include <ceres/rotation.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <functional>
+#include <iterator>
 #include <numbers>
 #include <type_traits>
 #include <utility>
@@ -148,10 +151,11 @@ void for_warp_terms(Vec2 place, const Use& use) {
 class PhoneModel {
  public:
   /// Indices in the block of a photograph: the pose, its own camera, the enlargement of its tags,
-  /// and the rotation from the first row read to the last.
+  /// the rotation from the first row read to the last, and how far the sheet had moved, lenses.
   static constexpr int kOwn = kPoseCount, kBreathing = kOwn + kOwnFocal,
                        kShiftX = kOwn + kOwnCentreX, kShiftY = kOwn + kOwnCentreY,
-                       kLarger = kOwn + kOwnCount, kTurn = kLarger + 1, kPhotoCount = kTurn + 3;
+                       kLarger = kOwn + kOwnCount, kTurn = kLarger + 1, kMoved = kTurn + 3,
+                       kPhotoCount = kMoved + 1;
   /// Indices of blocks in the vector of all unknowns.
   static constexpr int kSheet = kCameraCount, kWarp = kSheet + kSheetCount,
                        kKnots = kWarp + kWarpCount;
@@ -194,7 +198,7 @@ class PhoneModel {
     lens = seen_point(camera, photo, pixel);
     return seen.turns -
            fringe_turns(seen.fringe, panel_, fringe_point(photo, sheet, panel_, lens)) +
-           lens_coordinate(sheet, panel_, lens);
+           lens_coordinate(sheet, panel_, lens) + photo[kMoved];
   }
   /// Returns the difference of a corner from its place on the panel, in pixels of the picture.
   template <class T>
@@ -463,11 +467,18 @@ std::array<Estimate, 3> colour_gaps(const PhoneModel& model, const VectorXd& val
   return gaps;
 }
 
-/// Rotation of the hand while the rows are read, radians: 1 degree a second for 17 ms.
-constexpr double kTurnSigma = 3e-4;
-/// The same for a hand that moved: 10 degrees a second. A picture that fits the others only with
-/// such a rotation is a mistake.
-constexpr double kMovedTurnSigma = 3e-3;
+/// PriorSigma holds the standard deviations of an unknown of a photograph: the usual one, and the
+/// one of a photograph with a mistake.
+struct PriorSigma {
+  double usual, of_mistake;
+  int count;  ///< number of unknowns
+};
+/// Rotation while the rows are read (1 degree a second for 17 ms, 10 degrees), shift of the axis,
+/// breathing, motion of the sheet; in the order of MistakeKind.
+constexpr PriorSigma kSigmas[] = {
+    {3e-4, 3e-3, 3}, {kOwnCentreSigma, 0.02, 2}, {kOwnFocalSigma, 0.1, 1}, {1e-4, 0.3, 1}};
+constexpr double kMovedTurnSigma = kSigmas[0].of_mistake;
+
 /// Smallest standard errors: errors of neighbouring blocks and corners are alike. Up to kFewPhotos
 /// photographs determine axes and rotations so badly that all that fringes and tags say is needed;
 /// more photographs show where the law of rigs does not hold.
@@ -506,18 +517,60 @@ class Joint {
     return fit;
   }
 
+  /// Returns the explanations of a contradiction, the likeliest first.
+  std::vector<Explanation> explain() {
+    std::vector<Explanation> out;
+    for (int round = 0; round < 3; ++round, rescale())
+      if (!solve()) return out;
+    const std::optional<MatrixXd> inverse = solve();
+    if (!inverse) return out;
+    const VectorXd found = values_;
+    const double cost = cost_, spread = log_determinant(*inverse);
+    for (size_t n = 0; n < model_.seen().size(); ++n)
+      for (size_t k = 0; k < std::size(kSigmas); ++k, values_ = found) {
+        const auto kind = static_cast<MistakeKind>(k);
+        const std::optional<MatrixXd> own = solve(Mistake{kind, n});
+        if (!own) continue;
+        const double wider = kSigmas[k].count * std::log(kSigmas[k].of_mistake / kSigmas[k].usual);
+        out.push_back({kind, n, size_of(kind, block_of(n)),
+                       cost - cost_ + 0.5 * (log_determinant(*own) - spread) - wider});
+      }
+    std::ranges::sort(out, std::greater{}, &Explanation::evidence);
+    return out;
+  }
+
  private:
+  static double log_determinant(const MatrixXd& covariance) {
+    return covariance.ldlt().vectorD().array().abs().max(1e-300).log().sum();
+  }
+  static double size_of(MistakeKind kind, const double* photo) {
+    switch (kind) {
+      case MistakeKind::Turn:
+        return Eigen::Map<const Eigen::Vector3d>(photo + PhoneModel::kTurn).norm();
+      case MistakeKind::Axis:
+        return std::hypot(photo[PhoneModel::kShiftX], photo[PhoneModel::kShiftY]);
+      case MistakeKind::Focal:
+        return photo[PhoneModel::kBreathing];
+      case MistakeKind::Sheet:
+        return photo[PhoneModel::kMoved];
+    }
+    return 0.0;
+  }
   double* block_of(size_t n) { return values_.data() + model_.photo_at(n); }
 
-  /// Finds the unknowns, and returns their covariance; nothing if they do not settle. The hand may
-  /// have moved during photograph `moved`.
-  std::optional<MatrixXd> solve(std::optional<size_t> moved = std::nullopt) {
+  /// Mistake is what one photograph may have that the others do not.
+  struct Mistake {
+    MistakeKind kind;
+    size_t photo;
+  };
+
+  /// Finds the unknowns, and returns their covariance; nothing if they do not settle.
+  std::optional<MatrixXd> solve(std::optional<Mistake> mistake = std::nullopt) {
     ceres::Problem problem;
     add_priors_of_camera_and_sheet(problem);
-    for (size_t n = 0; n < model_.seen().size(); ++n) {
-      const double turn_sigma = moved == n ? kMovedTurnSigma : kTurnSigma;
-      add_photo(problem, n, turn_sigma);
-    }
+    for (size_t n = 0; n < model_.seen().size(); ++n)
+      add_photo(problem, n,
+                mistake && mistake->photo == n ? std::optional(mistake->kind) : std::nullopt);
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
     options.max_num_iterations = 40;
@@ -529,6 +582,7 @@ class Joint {
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
     if (!summary.IsSolutionUsable()) return std::nullopt;
+    cost_ = summary.final_cost;
     std::vector<double*> blocks;
     for (const int at : {0, PhoneModel::kSheet, PhoneModel::kWarp, PhoneModel::kKnots})
       blocks.push_back(values_.data() + at);
@@ -560,7 +614,7 @@ class Joint {
         nullptr, values_.data() + PhoneModel::kKnots);
   }
 
-  void add_photo(ceres::Problem& problem, size_t n, double turn_sigma) {
+  void add_photo(ceres::Problem& problem, size_t n, std::optional<MistakeKind> mistake) {
     constexpr double kOutlier = 3.0, kShiftTail = 2.0;
     const PhoneObservations& photo = model_.seen()[n];
     double* const camera = values_.data();
@@ -575,15 +629,21 @@ class Joint {
           new Term(model_, seen, phase_sigma_[n] / std::sqrt(std::max(seen.weight, 1e-3))),
           new ceres::CauchyLoss(kOutlier), camera, sheet, own, warp,
           values_.data() + PhoneModel::kKnots);
+    const auto sigma = [&](MistakeKind kind) {
+      const PriorSigma& both = kSigmas[static_cast<size_t>(kind)];
+      return mistake == kind ? both.of_mistake : both.usual;
+    };
+    const double turn = sigma(MistakeKind::Turn);
     add_priors(problem, own, PhoneModel::kPhotoCount,
-               {{PhoneModel::kBreathing, 0.0, kOwnFocalSigma},
+               {{PhoneModel::kBreathing, 0.0, sigma(MistakeKind::Focal)},
                 {PhoneModel::kLarger, 0.0, kLargerSigma},
-                {PhoneModel::kTurn, 0.0, turn_sigma},
-                {PhoneModel::kTurn + 1, 0.0, turn_sigma},
-                {PhoneModel::kTurn + 2, 0.0, turn_sigma}});
+                {PhoneModel::kTurn, 0.0, turn},
+                {PhoneModel::kTurn + 1, 0.0, turn},
+                {PhoneModel::kTurn + 2, 0.0, turn},
+                {PhoneModel::kMoved, 0.0, sigma(MistakeKind::Sheet)}});
     // Most stabilisers shift a little, some by much.
     MatrixXd shift = MatrixXd::Zero(2, PhoneModel::kPhotoCount);
-    shift(0, PhoneModel::kShiftX) = shift(1, PhoneModel::kShiftY) = 1.0 / kOwnCentreSigma;
+    shift(0, PhoneModel::kShiftX) = shift(1, PhoneModel::kShiftY) = 1.0 / sigma(MistakeKind::Axis);
     problem.AddResidualBlock(new ceres::NormalPrior(shift, VectorXd::Zero(PhoneModel::kPhotoCount)),
                              new ceres::CauchyLoss(kShiftTail), own);
   }
@@ -618,7 +678,7 @@ class Joint {
   /// rotation against a prior of kMovedTurnSigma, by Savage and Dickey: the density of a Gaussian
   /// posterior at no rotation, over that of the prior.
   std::optional<TurnedFit> turned_fit(size_t n) {
-    const std::optional<MatrixXd> inverse = solve(n);
+    const std::optional<MatrixXd> inverse = solve(Mistake{MistakeKind::Turn, n});
     if (!inverse) return std::nullopt;
     const Index at = model_.photo_at(n) + PhoneModel::kTurn;
     const Eigen::Vector3d turn = values_.segment(at, 3);
@@ -675,6 +735,7 @@ class Joint {
   VectorXd values_;
   VectorXd means_;  ///< means of the priors of camera and sheet
   double focal_sigma_;
+  double cost_ = 0.0;  ///< of the last solution
   std::vector<double> phase_sigma_, corner_sigma_;
 };
 
@@ -684,6 +745,12 @@ std::optional<PhoneFit> fit_phone(const std::vector<PhotoFindings>& photos,
                                   const SinglePhotoChart& chart, const Estimate& focal_px) {
   if (photos.size() < 2) return std::nullopt;
   return Joint(photos, chart, focal_px).run();
+}
+
+std::vector<Explanation> explain_contradiction(const std::vector<PhotoFindings>& photos,
+                                               const SinglePhotoChart& chart,
+                                               const Estimate& focal_px) {
+  return Joint(photos, chart, focal_px).explain();
 }
 
 namespace {

@@ -71,6 +71,24 @@ struct TurnedFit {
                                                 const SinglePhotoChart& chart,
                                                 const Estimate& focal_px);
 
+/// MistakeKind is what one photograph may have that the others do not: a phone that turned while
+/// the rows were read, another axis, another focal length, a sheet that had moved.
+enum class MistakeKind { Turn, Axis, Focal, Sheet };
+
+/// Explanation is a mistake in one photograph that would explain a contradiction.
+struct Explanation {
+  MistakeKind kind = MistakeKind::Axis;
+  size_t photo = 0;       ///< index
+  double size = 0.0;      ///< radians; longer sides; relative; lenses
+  double evidence = 0.0;  ///< logarithm of the Bayes factor against no mistake (Laplace)
+};
+
+/// Fits the photographs once more for each mistake in each photograph. Returns the explanations,
+/// the likeliest first; none if no fit converges. Arguments as for fit_phone().
+[[nodiscard]] std::vector<Explanation> explain_contradiction(
+    const std::vector<PhotoFindings>& photos, const SinglePhotoChart& chart,
+    const Estimate& focal_px);
+
 // Judges whether the hand turned while a photograph was read. As the rows are read one after the
 // other, a rotation looks like a shift of the camera's axis and a step to the side: few photographs
 // leave open which it was.

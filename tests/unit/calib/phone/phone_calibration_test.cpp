@@ -53,6 +53,15 @@ TEST(PhoneCalibration, FindsTheSheetForEveryEye) {
   EXPECT_THAT(few.reasons, ElementsAre(HasSubstr("take one more from the upper right")));
 }
 
+// The picture of each phone of the lab is warped by up to 0.05 % of its width.
+TEST(PhoneCalibration, AWarpIsNotTakenForAHandThatMoved) {
+  lab::WorkshopLimits limits = lab::limits_for(1920, 3200);
+  limits.least_warp = limits.most_warp = 0.0005;
+  const HandResult found = HandTrial(13001, limits).calibrate(3);
+  EXPECT_EQ(found.outcome, HandOutcome::Right)
+      << found.error_lenses << ::testing::PrintToString(found.reasons);
+}
+
 TEST(PhoneCalibration, PhotographsThatContradictEachOtherAreRefusedAndNamed) {
   const HandTrial trial(4, test::small_workshop(3));
   const auto reasons = [&](const auto& change) {

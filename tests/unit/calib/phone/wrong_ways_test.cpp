@@ -16,8 +16,10 @@ namespace {
 TEST(WrongWays, AMistakeInOnePhotographIsRefusedWithItsCause) {
   const test::ScratchFolder folder;
   lab::WrongWayTrial trial(2001, test::small_workshop(3), folder.path());
-  for (const char* name : {"hand that turns by 8 degrees a second", "out of focus", "overexposed",
-                           "too far away", "beside the panel", "chart scaled by 5 %"}) {
+  for (const char* name :
+       {"hand that turns by 8 degrees a second", "out of focus", "overexposed", "too far away",
+        "beside the panel", "chart scaled by 5 %", "sheet moved by a fifth of a lens",
+        "panel with blue on the left, rig of red", "panel with red above blue"}) {
     const auto way = std::ranges::find(lab::wrong_ways(), name, &lab::WrongWay::name);
     ASSERT_NE(way, lab::wrong_ways().end()) << name;
     const lab::WrongWayResult result = trial.calibrate(*way);
