@@ -90,20 +90,19 @@ class HandHeldPhotos {
   [[nodiscard]] calib::Calibration calibrate(double most_lenses = 0.0) const {
     return calib::calibrate_phone(photos_, chart_, focal_px_, most_lenses);
   }
-  /// Returns for each photograph whether it was used or the reason why not, the place of the camera
-  /// and how it was held: the angle by which the rows of the picture are turned on the panel.
+  /// Returns for each photograph whether it was used or the reason why not, in what it contradicts
+  /// the others, the place of the camera and how it was held: the angle by which the rows of the
+  /// picture are turned on the panel.
   [[nodiscard]] nlohmann::json to_json(const calib::Calibration& found) const {
     nlohmann::json out = nlohmann::json::array();
     for (const calib::PhonePhoto& photo : photos_) {
-      std::string reason = photo.findings.refusal;
-      const std::string begin = photo.name + ": ";
+      const std::string &reason = photo.findings.refusal, begin = photo.name + ": ";
+      std::string doubt;
       for (const std::string& one : found.reasons)
-        if (reason.empty() && one.starts_with(begin)) reason = one.substr(begin.size());
-      nlohmann::json entry = {{"name", escaped(photo.name)},
-                              {"used", reason.empty()},
-                              {"reason", escaped(reason)},
-                              {"eye_mm", nullptr},
-                              {"roll_degrees", nullptr}};
+        if (doubt.empty() && one.starts_with(begin)) doubt = one.substr(begin.size());
+      nlohmann::json entry = {{"name", escaped(photo.name)}, {"used", reason.empty()},
+                              {"reason", escaped(reason)},   {"doubt", escaped(doubt)},
+                              {"eye_mm", nullptr},           {"roll_degrees", nullptr}};
       if (const auto& pose = photo.findings.pose) {
         const auto& turn = pose->panel_from_camera;
         entry["roll_degrees"] = std::atan2(turn[3], turn[0]) * 180.0 / std::numbers::pi;

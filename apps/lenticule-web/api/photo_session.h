@@ -98,19 +98,13 @@ class PhotoSession {
       if (kPhotoPlaces[k].name == name) return k;
     throw HttpError(400, "place: expected middle, left, right or right-again");
   }
-  /// Returns why the fit of several photographs does not use that of a place; empty if it does.
+  /// Returns why the fit of several photographs does not use that of a place; empty if it does, or
+  /// if it only contradicts the others: with one more, the fit tells which of them is wrong.
   /// `report` is what `lenticule calibrate photos --json` printed.
   [[nodiscard]] static std::string refusal(const nlohmann::ordered_json& report, size_t place) {
-    std::string others;
-    for (const ordered_json& photo : list_in(member(report, "photographs"))) {
-      const auto at = place_of_file(text_in(photo, "name"));
-      if (!at || member(photo, "used") == true) continue;
-      const std::string reason = text_in(photo, "reason");
-      if (*at == place) return reason;
-      others = fmt::format("this photograph and the one {} contradict each other: {}",
-                           kPhotoPlaces[*at].words, reason);
-    }
-    if (!others.empty()) return others;
+    for (const ordered_json& photo : list_in(member(report, "photographs")))
+      if (place_of_file(text_in(photo, "name")) == place && member(photo, "used") != true)
+        return text_in(photo, "reason");
     if (!list_in(member(report, "viewpoints")).empty()) return {};
     const ordered_json reasons = list_in(member(report, "reasons"));
     return reasons.empty()          ? "the photographs could not be fitted"
@@ -233,6 +227,7 @@ class PhotoSession {
     bool used = false;
     std::string refusal{};  ///< reason why the newest photograph is not used
     std::string note{};
+    std::string doubt{};                   ///< contradiction to the other photographs
     std::optional<double> x_mm{}, z_mm{};  ///< place of the camera
     std::optional<double> roll_degrees{};  ///< turn of the picture's rows on the panel
   };
@@ -240,6 +235,7 @@ class PhotoSession {
     const auto place = place_of_file(text_in(photo, "name"));
     if (!place) return;
     Entry& entry = entries_[*place];
+    entry.doubt = text_in(photo, "doubt");
     entry.roll_degrees = number_in(member(photo, "roll_degrees"));
     const ordered_json& eye = member(photo, "eye_mm");
     if (!eye.is_array() || eye.size() != 3) return;
@@ -251,6 +247,7 @@ class PhotoSession {
     const Entry& entry = entries_[place];
     const PhotoPlace& asked = kPhotoPlaces[place];
     if (!entry.used) return {};
+    if (!entry.doubt.empty()) return "the others contradict it: " + entry.doubt;
     if (entry.x_mm && entry.z_mm && side_of(*entry.x_mm, *entry.z_mm) != asked.side) {
       constexpr std::array<std::string_view, 3> kSides = {"the left", "the middle", "the right"};
       const auto seen = kSides[static_cast<size_t>(side_of(*entry.x_mm, *entry.z_mm) + 1)];

@@ -60,17 +60,25 @@ TEST(PhotoSession, AWrongPlaceOrTurnIsNotedAndAskedForAgainAtTheEnd) {
   EXPECT_EQ(session.next(), kLeft);
 }
 
+TEST(PhotoSession, KeepsAPhotographThatContradictsTheOthersAndAsksForItAgain) {
+  ordered_json left = photo("left", -350, 2);
+  left["doubt"] = "its focal length differs by 9 %";
+  const ordered_json both = report(0.08, {photo("middle", 5, 180), left});
+  EXPECT_EQ(PhotoSession::refusal(both, kLeft), "");
+  PhotoSession session;
+  for (size_t place = 0; place < kPhotoPlaces.size(); ++place) session.accept(place);
+  session.take_report(both);
+  EXPECT_EQ(entry(session, kLeft)["note"],
+            "the others contradict it: its focal length differs by 9 %");
+  EXPECT_EQ(session.next(), kLeft);
+}
+
 TEST(PhotoSession, NamesTheReasonOfARefusal) {
   const ordered_json good = report(0.08, {photo("middle", 5, 180), photo("left", -350, 2)});
   EXPECT_EQ(PhotoSession::refusal(good, kLeft), "");
   const ordered_json own =
       report(0.08, {photo("middle", 5, 180), unused("left", "only 2 of 9 tags were found")});
   EXPECT_EQ(PhotoSession::refusal(own, kLeft), "only 2 of 9 tags were found");
-  const ordered_json other =
-      report(0.08, {unused("middle", "its focal length differs by 9 %"), photo("left", -350, 2)});
-  EXPECT_EQ(PhotoSession::refusal(other, kLeft),
-            "this photograph and the one from the middle contradict each other: its focal length "
-            "differs by 9 %");
   ordered_json none = good;
   none["viewpoints"] = ordered_json::array();
   none["reasons"] = {"no sheet and no camera agree with all photographs"};
