@@ -263,7 +263,10 @@ std::string verdict_explained(const Calibration& calibration) {
   if (calibration.verdict == Verdict::Refused)
     return "The measurement is not good enough to be used.";
   if (calibration.verdict == Verdict::Intrinsic)
-    return "The numbers describe the sheet itself and are valid for every eye in front of it.";
+    return fmt::format(
+        "Right to {:.3f} lens anywhere in the viewing zone, which is 500 mm wide: the numbers "
+        "describe the sheet itself.",
+        calibration.drift.worst_lenses);
   return "The numbers are valid at " + place_of_first_eye(calibration) +
          ". Pitch, gap and offset could not be separated.";
 }

@@ -429,9 +429,6 @@ ExitCode run_phone(const PhoneFlags& flags) {
                       .report = calib::report_json(*found, collection.photos().details())},
                      flags.pack);
   if (!check) return code;
-  if (!result.json)
-    print_out("Every eye of the viewing zone sees its view to {:.3f} lens (95 % confidence).\n",
-              found->drift.worst_lenses);
   panel.show(*check);
   say("move your head sideways: the whole panel turns from white to black at once\n");
   if (flags.seconds > 0.0) panel.hold(flags.seconds);
