@@ -63,14 +63,6 @@ def farm_status(studio):
     return terminal("lenticule farm status work", studio.run("farm", "status", work))
 
 
-def hand_held(studio):
-    """Errors of hand-held calibrations; takes some ten minutes."""
-    plot = studio.folder / "hand-held.svg"
-    studio.run("bench", "calibrate", "--hand", "--panel-width", "1920", "--camera-width", "3200",
-               "--photographs", "1,2,3,4,6", "--draws", "10", "--first", "7201", "--plot", plot)
-    return plot.read_text()
-
-
 def wall(studio):
     """Draws the wall of docs/play/walls.md from the front and from above."""
     page = (ROOT / "docs/play/walls.md").read_text()
