@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // A photograph gives phases of fringes, each at a pixel, and corners of tags. All unknowns are one
-// vector: the blocks of camera and sheet (projection.h), the knots of the residual map, and one
-// block for each photograph with its pose, its own camera, the enlargement of its tags and the
-// rotation of the hand while the rows were read.
+// vector: the blocks of camera and sheet (projection.h), the warp of the phone's pictures, the
+// knots of the residual map, and one block for each photograph with its pose, its own camera, the
+// enlargement of its tags, the rotation of the hand while the rows were read, and a motion of the
+// sheet, which is zero unless photographs contradict each other.
 //
 // 1. The photographs' own fits give a start. Phases are known only up to whole lenses: of many
 //    gaps, the one is taken at which a single offset explains the phases of all photographs.
@@ -13,6 +14,9 @@
 // 4. For each photograph, a fit in which the hand may have turned shows how likely that is.
 // 5. The phases of red, green and blue differ from their mean, for which the fit was made: they
 //    give the gap of each colour.
+// 6. If photographs contradict each other, fits with one mistake in one photograph show which is
+// the
+//    likeliest.
 #include "calib/phone/phone_fit.h"
 
 #include <ceres/ceres.h>

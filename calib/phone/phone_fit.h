@@ -58,7 +58,8 @@ struct TurnedFit {
 };
 
 /// Fits two or more photographs, all measured without refusal and of equal size. The unknowns are
-/// the focal length (prior `focal_px`, in averaged pixels), the principal point, two radial terms;
+/// the focal length (prior `focal_px`, in averaged pixels), the principal point, two radial terms,
+/// a smooth warp of all pictures;
 /// for each photograph its pose, its focus breathing, its shift by the stabiliser, its rotation
 /// while the rows were read, and the enlargement of its tags; the sheet and its residual map. A
 /// knot far from all fringes continues the map straight. The whole lenses between photographs
