@@ -14,14 +14,12 @@
 #include <string>
 #include <vector>
 
-#include "apps/lenticule-tools/offline/mpv_shader.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/exit_code.h"
 #include "base/file.h"
 #include "base/json_output.h"
 #include "base/print.h"
-#include "frames/quilt.h"
 #include "optics/calibration_import.h"
 #include "optics/model.h"
 #include "optics/rig.h"
@@ -228,8 +226,6 @@ struct RigOptions {
   std::string file;
   std::string output;
   std::string format = "auto";
-  std::string mpv_shader;
-  std::string quilt = "8x6";
   std::string mounting;
   double offset_by = 0.0;
   double pitch_by = 0.0;
@@ -464,32 +460,10 @@ double largest_phase_error(const Rig& rig, const Rig& exported) {
   return largest;
 }
 
-/// Parses "8x6" or "8x6a0.75", as in a quilt's file name.
-frames::QuiltLayout quilt_layout(const std::string& text) {
-  const auto layout = frames::quilt_layout_of_name("_qs" + text + ".png");
-  if (layout) return *layout;
-  throw Error(ErrorKind::Usage, fmt::format("--quilt '{}': not columns x rows", text),
-              "give the tiles of the quilts that the shader plays: --quilt 8x6");
-}
-
-ExitCode export_shader(const RigOptions& options) {
-  const Rig rig = optics::load_trimmed_rig(options.file);
-  const frames::QuiltLayout layout = quilt_layout(options.quilt);
-  write_text_file(options.mpv_shader, mpv_shader(rig, layout));
-  print_result({{"output", options.mpv_shader},
-                {"columns", layout.columns},
-                {"rows", layout.rows},
-                {"width_px", rig.panel.width_px},
-                {"height_px", rig.panel.height_px}},
-               options.as_json);
-  return kOk;
-}
-
 ExitCode export_calibration(const RigOptions& options) {
-  if (!options.mpv_shader.empty()) return export_shader(options);
   if (options.output.empty() || options.format == "auto")
     throw Error(ErrorKind::Usage, "rig export: no output requested",
-                "use --format lkg or cubevi and -o FILE, or --mpv-shader FILE");
+                "use --format lkg or cubevi and -o FILE");
   const Rig rig = optics::load_trimmed_rig(options.file);
   const std::string text =
       options.format == "cubevi" ? optics::export_cubevi(rig) : optics::export_looking_glass(rig);
@@ -598,13 +572,6 @@ cli::Run declare_rig(CLI::App& app) {
   export_app->add_option("--format", options->format, "lkg (visual.json) or cubevi")
       ->check(CLI::IsMember({"lkg", "cubevi"}));
   export_app->add_option("-o,--output", options->output, "file to write")->type_name("FILE");
-  export_app
-      ->add_option("--mpv-shader", options->mpv_shader,
-                   "write an mpv user shader that weaves quilt videos for this rig")
-      ->type_name("FILE");
-  export_app->add_option("--quilt", options->quilt, "with --mpv-shader: the quilts' tiles, 8x6")
-      ->capture_default_str()
-      ->type_name("COLUMNSxROWS");
 
   CLI::App* trim_app =
       add_action(app, "trim", "correct drift since a rig was calibrated, in a file beside it",
