@@ -71,21 +71,9 @@ void write_demo(SceneWriter& out, const SceneOptions& options);
 
 void write_gears(SceneWriter& out, const SceneOptions& options);
 
-[[nodiscard]] View lattice_camera(const SceneOptions& options);
-
-void write_lattice(SceneWriter& out, const SceneOptions& options);
-
-[[nodiscard]] View mount_camera(const SceneOptions& options);
-
-void write_mount(SceneWriter& out, const SceneOptions& options);
-
 [[nodiscard]] View primitives_camera(const SceneOptions& options);
 
 void write_primitives(SceneWriter& out, const SceneOptions& options);
-
-[[nodiscard]] View rings_camera(const SceneOptions& options);
-
-void write_rings(SceneWriter& out, const SceneOptions& options);
 
 [[nodiscard]] View room_camera(const SceneOptions& options);
 
@@ -99,10 +87,6 @@ void write_small_balls(SceneWriter& out, const SceneOptions& options);
 
 void write_teapot(SceneWriter& out, const SceneOptions& options);
 
-[[nodiscard]] View tetra_camera(const SceneOptions& options);
-
-void write_tetra(SceneWriter& out, const SceneOptions& options);
-
 [[nodiscard]] View tree_camera(const SceneOptions& options);
 
 void write_tree(SceneWriter& out, const SceneOptions& options);
@@ -114,7 +98,6 @@ inline constexpr int kSmallBallsFrames = 421;
 inline constexpr int kPrimitivesFrames = 512;
 inline constexpr int kTreeFrames = 612;
 inline constexpr int kGearsFrames = 612;
-inline constexpr int kProceduralFrames = 360;  ///< length for scenes that vary only in size
 
 [[nodiscard]] inline const std::vector<BuiltInScene>& scene_list() {
   static const std::vector<BuiltInScene> table = {
@@ -139,14 +122,6 @@ inline constexpr int kProceduralFrames = 360;  ///< length for scenes that vary 
        "gears along an edge of the cube", 4, 12, kGearsFrames, true, gears_camera, write_gears},
       {"balls", "a sphereflake: every sphere carries nine of a third of its size",
        "generations of spheres", 4, 6, 1, true, balls_camera, write_balls},
-      {"rings", "a pyramid of knots of six interlocked rings each", "layers of the pyramid", 7, 20,
-       kProceduralFrames, true, rings_camera, write_rings},
-      {"mount", "a fractal mountain under four glass balls", "halvings of its side", 6, 9,
-       kProceduralFrames, true, mount_camera, write_mount},
-      {"tetra", "a tetrahedron of tetrahedra", "generations", 6, 9, kProceduralFrames, true,
-       tetra_camera, write_tetra},
-      {"lattice", "a cube of pipes with spheres at its knots", "cells along an edge", 8, 30,
-       kProceduralFrames, true, lattice_camera, write_lattice},
   };
   return table;
 }

@@ -184,5 +184,5 @@ def scenes(studio):
         woven = studio.frame(f"builtin:{scene}", KIOSK_1080, *flags)
         return scene, studio.eye(woven, KIOSK_1080, 0, 236, 132, 4)
 
-    names = ("demo teapot room small-balls", "primitives tree gears balls", "rings mount tetra lattice")
+    names = ("demo teapot room small-balls", "primitives tree gears balls")
     return sheet([[tile(scene) for scene in row.split()] for row in names])

@@ -300,7 +300,7 @@ TEST_F(BenchPaper, MeasuresASpanOfEachSceneWithEachMethod) {
 
 TEST_F(BenchPaper, ContinuesFromItsStateAndRefusesAnother) {
   const std::vector<std::string> first =
-      arguments({"--scene", "tetra", "--state", path("state.json"), "--json"});
+      arguments({"--scene", "tree", "--state", path("state.json"), "--json"});
   const ProcessResult once = run(first);
   ASSERT_EQ(once.exit_code, 0) << once.err;
   // Equal figures to the last digit show that the second run measured nothing again.

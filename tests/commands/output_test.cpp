@@ -215,7 +215,7 @@ std::set<std::string> documented_keys(const std::string& text) {
 TEST_F(Output, ThePageOfStatisticsNamesEveryKeyAndNoOther) {
   const std::string tiny = path("tiny.toml");
   std::filesystem::copy_file(source_file("scenes/rigs/tiny.toml"), tiny);
-  ASSERT_EQ(run({"render", "builtin:tetra", "--rig", tiny, "-o", path("film.lts")}).exit_code, 0);
+  ASSERT_EQ(run({"render", "builtin:gears:1", "--rig", tiny, "-o", path("film.lts")}).exit_code, 0);
   ASSERT_EQ(run({"rig", "trim", tiny, "--offset-by", "0.01"}).exit_code, 0);
   write("list.toml", "[[item]]\nsource = \"film.lts\"\n");
   write("wall.toml",

@@ -142,12 +142,12 @@ TEST_F(SequenceCommand, AnotherFilmIsReplacedOnlyWithOverwrite) {
   EXPECT_EQ(again("builtin:demo", kTiny, "film.lts").exit_code, 0) << "the same film";
   const std::string bytes = read_text(path("film.lts"));
   const auto unchanged = [&] { return read_text(path("film.lts")) == bytes; };
-  expect_end(again("builtin:rings", kTiny, "film.lts"), 4,
-             "made from builtin:demo, not from builtin:rings", "--overwrite");
+  expect_end(again("builtin:gears:1", kTiny, "film.lts"), 4,
+             "made from builtin:demo, not from builtin:gears:1", "--overwrite");
   EXPECT_EQ(again("builtin:demo", kOther, "film.lts").exit_code, 4);
   EXPECT_TRUE(unchanged());
-  EXPECT_EQ(again("builtin:rings", kTiny, "film.lts", {"--resume", "--overwrite"}).exit_code, 2);
-  EXPECT_EQ(again("builtin:rings", kTiny, "film.lts", {"--overwrite"}).exit_code, 0);
+  EXPECT_EQ(again("builtin:gears:1", kTiny, "film.lts", {"--resume", "--overwrite"}).exit_code, 2);
+  EXPECT_EQ(again("builtin:gears:1", kTiny, "film.lts", {"--overwrite"}).exit_code, 0);
   EXPECT_FALSE(unchanged());
 
   // An unfinished file protects the name as well, and so does a file that is not a film.

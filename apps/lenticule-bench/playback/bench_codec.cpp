@@ -35,7 +35,7 @@ constexpr const char* kContainer = "container";
 constexpr std::chrono::seconds kFfmpegLimit{120};
 
 struct CodecFlags : RunFlags {
-  std::vector<std::string> scenes = {"demo", "balls", "gears", "mount", "rings", "tree"};
+  std::vector<std::string> scenes = {"demo", "balls", "gears", "tree"};
   std::vector<std::string> pictures;
   bool quick = false;
 };

@@ -17,11 +17,11 @@
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-bench/render/bench_error.h"
-#include "apps/lenticule-tools/offline/gltf_writer.h"
 #include "base/error.h"
 #include "frames/compare.h"
 #include "frames/image_io.h"
 #include "frames/weave.h"
+#include "lab/judges/gltf_writer.h"
 #include "optics/model.h"
 #include "player/process/interrupt.h"
 #include "render/loaders/load_scene.h"
@@ -50,7 +50,7 @@ ErrorEntrant entrant(const std::string& method, std::optional<double> tolerated,
 render::SceneDescription read_as_gltf(const render::SceneDescription& scene,
                                       const std::string& file) {
   std::ofstream out(file, std::ios::binary);
-  out << tools::write_gltf(scene).json;
+  out << lab::write_gltf(scene).json;
   out.close();
   if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
   return render::at_time(render::load_scene(file), 0.0);

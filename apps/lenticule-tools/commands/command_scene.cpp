@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "apps/lenticule-tools/cli/render_flags.h"
-#include "apps/lenticule-tools/offline/gltf_writer.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
+#include "apps/lenticule-tools/offline/thumbnail.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -299,18 +299,12 @@ Written as_nff(const scenes::BuiltInScene& scene, const SceneFlags& flags) {
   return written;
 }
 
-Written as_gltf(const scenes::BuiltInScene& scene, const SceneFlags& flags) {
-  GltfText gltf = write_gltf(describe_built_in(scene, flags.size, flags.frame));
-  return {std::move(gltf.json), std::move(gltf.notes)};
-}
-
 Written written_as(const std::string& output, const scenes::BuiltInScene& scene,
                    const SceneFlags& flags) {
   const std::string extension = std::filesystem::path(output).extension().string();
   if (output.empty() || extension == ".nff") return as_nff(scene, flags);
-  if (extension == ".gltf") return as_gltf(scene, flags);
-  throw Error(ErrorKind::Usage, fmt::format("{}: scenes are written as .nff or .gltf", output),
-              "use a name that ends in .nff or .gltf");
+  throw Error(ErrorKind::Usage, fmt::format("{}: scenes are written as .nff", output),
+              "use a name that ends in .nff");
 }
 
 /// Writes one scene. With --camera and without -o, writes only the camera.
@@ -397,7 +391,7 @@ cli::Run declare_scene(CLI::App& app) {
   app.add_option("NAME", flags->name, "a scene's name, or 'list'");
   app.add_option("--size", flags->size, "how fine or how many; 'list' explains it for each scene");
   app.add_option("--frame", flags->frame, "frame of the scene's sequence")->capture_default_str();
-  app.add_option("-o,--output", flags->output, "file to write, .nff or .gltf")
+  app.add_option("-o,--output", flags->output, "file to write, .nff")
       ->type_name("FILE")
       ->default_str("NFF on standard output");
   app.add_option("--camera", flags->camera,

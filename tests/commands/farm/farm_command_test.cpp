@@ -34,9 +34,9 @@ TEST_F(FarmCommand, MethodsThatReuseFramesGiveTheBytesOfOneRun) {
 
 /// A chunk commits the scene of its only frame, and one run keeps parts of it.
 TEST_F(FarmCommand, SingleFramesOfTurningScenesHaveTheBytesOfOneRun) {
-  ASSERT_EQ(run({"scene", "gears", "--size", "1", "-o", path("gears.gltf")}).exit_code, 0);
   for (const std::string& scene :
-       {path("gears.gltf"), std::string("builtin:teapot:2"), std::string("builtin:balls:2")}) {
+       {source_file("tests/data/textured-quad.gltf"), std::string("builtin:teapot:2"),
+        std::string("builtin:balls:2")}) {
     for (const std::string& made : {work(), path("film.lts"), path("whole.lts")})
       std::filesystem::remove_all(made);
     const std::vector<std::string> words = {scene, "--rig", rig_,     "--frames",
@@ -88,7 +88,7 @@ TEST_F(FarmCommand, AScenePictureOrRigThatChangesAfterThePlanIsRefused) {
   expect_end(render_chunk(1), 4, "the rig is not the one of the plan");
   EXPECT_EQ(status().at("chunks_failed"), 1);
   ASSERT_EQ(run({"rig", "trim", path("rig.toml"), "--reset"}).exit_code, 0);
-  ASSERT_EQ(run({"scene", "rings", "-o", path("scene.nff")}).exit_code, 0);
+  ASSERT_EQ(run({"scene", "gears", "--size", "1", "-o", path("scene.nff")}).exit_code, 0);
   expect_end(render_chunk(1), 4, "the scene is not the one of the plan");
 }
 
@@ -133,10 +133,10 @@ TEST_F(FarmCommand, VerifyNamesTheNodeWhoseFramesDiffer) {
   EXPECT_EQ(verify().exit_code, 0);
   // A node that renders otherwise: chunk 2 is made from another film.
   const json report = json::parse(std::ifstream(work() + "/reports/000002.json"));
-  ASSERT_EQ(
-      run({"render", "builtin:rings", "--rig", rig_, "--frames", "16:24", "-o", path("other.lts")})
-          .exit_code,
-      0);
+  ASSERT_EQ(run({"render", "builtin:gears:1", "--rig", rig_, "--frames", "16:24", "-o",
+                 path("other.lts")})
+                .exit_code,
+            0);
   std::filesystem::copy_file(path("other.lts"), chunk_file(2),
                              std::filesystem::copy_options::overwrite_existing);
   json faulty = report;

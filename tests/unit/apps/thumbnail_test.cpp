@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "apps/lenticule-tools/offline/gltf_writer.h"
+#include "apps/lenticule-tools/offline/thumbnail.h"
 
 namespace lenticule::tools {
 namespace {

@@ -21,33 +21,6 @@ TEST(SmallBallsScene, ContainsASphereflakeAndAGlassBall) {
     EXPECT_EQ(counts("small-balls", size).spheres, spheres + 1);
 }
 
-TEST(RingsScene, EveryKnotIsThirtySpheresAndThirtyCylinders) {
-  for (const int n : {1, 2, 3, 7}) {
-    const int knots = n * (n + 1) * (2 * n + 1) / 6;
-    EXPECT_EQ(counts("rings", n).spheres, 30 * knots);
-    EXPECT_EQ(counts("rings", n).cones, 30 * knots);
-    EXPECT_EQ(counts("rings", n).polygons, 1);
-  }
-}
-
-TEST(MountScene, EveryHalvingDividesATriangleIntoFour) {
-  for (const int n : {1, 2, 6}) {
-    EXPECT_EQ(counts("mount", n).polygons, 2 << (2 * n));
-    EXPECT_EQ(counts("mount", n).spheres, 4);
-  }
-}
-
-TEST(TetraScene, EveryLevelReplacesATetrahedronByFour) {
-  for (const int n : {1, 2, 6}) EXPECT_EQ(counts("tetra", n).polygons, 1 << (2 * n));
-}
-
-TEST(LatticeScene, HasASpherePerKnotAndACylinderPerEdge) {
-  for (const int n : {1, 2, 8}) {
-    EXPECT_EQ(counts("lattice", n).spheres, (n + 1) * (n + 1) * (n + 1));
-    EXPECT_EQ(counts("lattice", n).cones, 3 * n * (n + 1) * (n + 1));
-  }
-}
-
 TEST(GearsScene, EveryGearIsTwelveQuadsPerTooth) {
   for (const int n : {1, 2, 4}) EXPECT_EQ(counts("gears", n).polygons, n * n * n * 24 * 12 + 2);
 }
@@ -157,14 +130,6 @@ TEST(GearsScene, AGearIsClosedAndFacesOutward) {
   EXPECT_EQ(open_edges(polygons), 0);
   // A disc of the pitch radius with its hole: teeth and gaps have about equal volume.
   EXPECT_NEAR(volume(polygons), 3.1416 * (0.25 - 0.04) * 0.28, 0.01);
-}
-
-TEST(TetraScene, IsClosedAndFacesOutward) {
-  const std::vector<Polygon> polygons = plain_polygons(write_scene(find_scene("tetra"), 3));
-  EXPECT_EQ(open_edges(polygons), 0);
-  EXPECT_NEAR(volume(polygons),
-              std::sqrt(3.0) * std::sqrt(3.0) * std::sqrt(3.0) / 4.0 * std::sqrt(2.0) / 3.0 / 4.0,
-              1e-6);
 }
 
 // ---- pictures

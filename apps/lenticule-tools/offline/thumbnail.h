@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// write_gltf writes a scene as one glTF 2.0 file for other programs.
+// A FlatView is a picture of a scene without depth, as write_thumbnail writes it.
 #pragma once
 
 #include <filesystem>
-#include <string>
-#include <vector>
 
 #include "optics/model.h"
 #include "render/scene/scene_description.h"
@@ -25,15 +23,5 @@ struct FlatView {
 /// Renders the view and writes it. Throws Error(Usage) for a kind of file that cannot be written.
 void write_thumbnail(const render::SceneDescription& scene, const FlatView& view,
                      const std::filesystem::path& file);
-
-struct GltfText {
-  std::string json;
-  std::vector<std::string> notes;  ///< properties that glTF expresses differently
-};
-
-/// Writes triangle meshes with normals, texture coordinates and embedded textures, point lights,
-/// and the first camera. The description must have no nodes. Throws Error(Usage) for spheres,
-/// cones, and lights that are not points, which glTF or this writer does not support.
-[[nodiscard]] GltfText write_gltf(const render::SceneDescription& scene);
 
 }  // namespace lenticule::tools
