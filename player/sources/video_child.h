@@ -6,15 +6,16 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
-#include <condition_variable>
 #include <cstdint>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -39,23 +40,17 @@ struct ChildEnd {
   }
 };
 
-/// VideoChild supervises a child process on its own thread: it starts, reads from, kills and reaps
-/// the child, so that no other thread waits for it. The kernel kills the child when the thread that
-/// started it ends, so that thread lives as long as this object. The functions below do not wait;
-/// their lock is never held for long. Thread safety: one thread.
+/// VideoChild supervises a child process on a thread of its own: it starts, reads from, kills and
+/// reaps the child, so that no other thread waits for it. The kernel kills the child when the
+/// thread that started it ends, so that thread lives as long as the child. The functions below do
+/// not wait; their lock is never held for long. Thread safety: one thread.
 class VideoChild {
  public:
-  VideoChild() : keeper_([this] { look_after(); }) {}
+  VideoChild() = default;
   /// Kills and reaps a running child.
   ~VideoChild() {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-      kill_ = true;
-    }
-    wanted_.notify_all();
-    nudge_.signal();
-    keeper_.join();
+    kill();
+    if (keeper_.joinable()) keeper_.join();
   }
   VideoChild(const VideoChild&) = delete;
   VideoChild& operator=(const VideoChild&) = delete;
@@ -68,21 +63,15 @@ class VideoChild {
     present_ = true;
     broken_.store(0);
     clip_length_.store(0);
-    {
-      const std::lock_guard lock(mutex_);
-      arguments_ = std::move(arguments);
-      passed_ = passed;
-      kill_ = false;
+    if (keeper_.joinable()) keeper_.join();
+    killed_.drain();
+    try {
+      keeper_ = std::thread([this, words = std::move(arguments), passed] { keep(words, passed); });
+    } catch (const std::system_error& error) {
+      report({.last_words = error.what()});
     }
-    wanted_.notify_all();
   }
-  void kill() {
-    {
-      const std::lock_guard lock(mutex_);
-      kill_ = true;
-    }
-    nudge_.signal();
-  }
+  void kill() { killed_.signal(); }
   /// Returns once how the child ended; none while it runs and afterwards.
   [[nodiscard]] std::optional<ChildEnd> take_end() {
     const std::lock_guard lock(mutex_);
@@ -93,10 +82,7 @@ class VideoChild {
   }
   /// Returns true from start() until take_end() has returned the end.
   [[nodiscard]] bool present() const { return present_; }
-  [[nodiscard]] pid_t pid() const {
-    const std::lock_guard lock(mutex_);
-    return pid_;
-  }
+  [[nodiscard]] pid_t pid() const { return pid_.load(); }
 
   /// Returns the number of the child's events; it grows while the child works.
   [[nodiscard]] uint64_t events() const { return events_.load(); }
@@ -121,78 +107,51 @@ class VideoChild {
 
  private:
   static constexpr size_t kMostLine = 4096;
-  static constexpr int kPollMilliseconds = 200;
-  void look_after() {
-    while (true) {
-      std::vector<std::string> arguments;
-      {
-        std::unique_lock lock(mutex_);
-        wanted_.wait(lock, [this] { return stopping_ || !arguments_.empty(); });
-        if (stopping_) return;
-        arguments = std::exchange(arguments_, {});
-        last_words_.clear();
-      }
-      keep(arguments);
-    }
-  }
-  void keep(const std::vector<std::string>& arguments) {
-    Pipe errors;
-    Subprocess child;
+  void keep(const std::vector<std::string>& arguments, PassedDescriptor passed) {
+    ChildEnd end;
     try {
-      errors = make_pipe();
-      std::vector<PassedDescriptor> passed = {{errors.writing.get(), STDERR_FILENO}};
-      if (passed_.here >= 0) passed.push_back(passed_);
-      child = Subprocess(arguments, passed);
+      Pipe errors = make_pipe();
+      std::vector<PassedDescriptor> all = {{errors.writing.get(), STDERR_FILENO}};
+      if (passed.here >= 0) all.push_back(passed);
+      Subprocess child(arguments, all);
+      errors.writing.reset();
+      pid_.store(child.pid());
+      listen(errors.reading.get(), end.last_words);
+      // A child that closed its standard error and still runs is out of control, and is killed.
+      const ProcessEnd how = child.end();
+      end.exit_code = how.exit_code;
+      end.signal = how.signal;
     } catch (const Error& error) {
-      report({.last_words = error.what()});
-      return;
+      end.last_words = error.what();
     }
-    errors.writing.reset();
-    {
-      const std::lock_guard lock(mutex_);
-      pid_ = child.pid();
-    }
-    listen(child, errors.reading.get());
-    reap(std::move(child));
+    pid_.store(-1);
+    report(std::move(end));
   }
-  /// Reads events until the child's standard error is closed, at the latest when the child ends.
-  void listen(const Subprocess& child, int errors) {
+  /// Reads events until the child's standard error is closed, or the child is to be killed.
+  void listen(int errors, std::string& last_words) {
     std::string line;
-    while (true) {
-      std::array<pollfd, 2> streams{pollfd{errors, POLLIN, 0}, pollfd{nudge_.fd(), POLLIN, 0}};
-      poll(streams.data(), streams.size(), kPollMilliseconds);
-      nudge_.drain();
-      {
-        const std::lock_guard lock(mutex_);
-        if (kill_) child.kill();
-      }
-      if (streams[0].revents != 0 && !read_some(errors, line)) break;
-    }
-    if (!line.empty()) hear(line);
-  }
-  [[nodiscard]] bool read_some(int errors, std::string& line) {
-    std::array<char, kMostLine> buffer;
-    const ssize_t n = read(errors, buffer.data(), buffer.size());
-    if (n < 0) return errno == EINTR;
-    for (const char c : std::string_view(buffer.data(), static_cast<size_t>(n))) {
-      if (c == '\n') {
-        hear(line);
-        line.clear();
-      } else if (line.size() < kMostLine) {
-        line.push_back(c);
+    for (bool open = true; open;) {
+      std::array<pollfd, 2> streams{pollfd{errors, POLLIN, 0}, pollfd{killed_.fd(), POLLIN, 0}};
+      (void)poll(streams.data(), streams.size(), -1);
+      if (streams[1].revents != 0) break;
+      std::array<char, kMostLine> buffer;
+      const ssize_t n = streams[0].revents != 0 ? read(errors, buffer.data(), buffer.size()) : -1;
+      open = n > 0 || (n < 0 && errno == EINTR);
+      for (const char c :
+           std::string_view(buffer.data(), static_cast<size_t>(std::max<ssize_t>(n, 0)))) {
+        if (c != '\n' && line.size() < kMostLine) line.push_back(c);
+        if (c == '\n') hear(std::exchange(line, {}), last_words);
       }
     }
-    return n > 0;
+    if (!line.empty()) hear(line, last_words);
   }
-  void hear(std::string_view line) {
+  void hear(std::string_view line, std::string& last_words) {
     events_.fetch_add(1);
     const std::optional<VideoEvent> event = parse_video_event(line);
+    // The first line that is not an event is the cause, later ones are the remedy.
+    if (!event && last_words.empty()) last_words = escaped(line.substr(0, 500));
+    if (!event) return;
     const std::lock_guard lock(mutex_);
-    if (!event) {
-      // The first line that is not an event is the cause, later ones are the remedy.
-      if (last_words_.empty()) last_words_ = escaped(line.substr(0, 500));
-      return;
-    }
     if (event->kind == VideoEvent::Kind::Position && event->time) position_ = event;
     if (event->kind == VideoEvent::Kind::Decoder) decoder_ = event;
     if (event->kind == VideoEvent::Kind::Broken) broken_.store(event->broken);
@@ -200,45 +159,24 @@ class VideoChild {
     missing_.fetch_add(event->missing);
     clip_length_.store(event->length);
   }
-  /// Reaps the child. One that closed its standard error and still runs is out of control and is
-  /// killed.
-  void reap(Subprocess child) {
-    const ProcessEnd how = child.end();
-    ChildEnd end{.exit_code = how.exit_code, .signal = how.signal, .last_words = {}};
-    {
-      const std::lock_guard lock(mutex_);
-      end.last_words = last_words_;
-      pid_ = -1;
-    }
-    report(std::move(end));
-  }
   void report(ChildEnd end) {
-    {
-      const std::lock_guard lock(mutex_);
-      end_ = std::move(end);
-    }
+    const std::lock_guard lock(mutex_);
+    end_ = std::move(end);
     ended_.signal();
   }
 
-  WakeFd ended_;
-  WakeFd nudge_;
+  WakeFd ended_, killed_;
   mutable std::mutex mutex_;
-  std::condition_variable wanted_;
-  PassedDescriptor passed_;             ///< beside standard error
-  std::vector<std::string> arguments_;  ///< arguments of the child to start; empty = none requested
   std::optional<ChildEnd> end_;
   std::optional<VideoEvent> position_;
   std::optional<VideoEvent> decoder_;
-  std::string last_words_;
-  pid_t pid_ = -1;
-  bool kill_ = false;
-  bool stopping_ = false;
   bool present_ = false;  ///< the owner's view of the child's presence
+  std::atomic<pid_t> pid_{-1};
   std::atomic<uint64_t> events_{0};
   std::atomic<uint64_t> broken_{0};
   std::atomic<uint64_t> missing_{0};
   std::atomic<uint64_t> clip_length_{0};
-  std::thread keeper_;  // last member: the thread uses everything above
+  std::thread keeper_;
 };
 
 }  // namespace lenticule::player
