@@ -62,7 +62,6 @@ ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
       if (const auto sound = find_sound(item, plan.sound->options()))
         row["sound"] = {{"file", sound->file},
                         {"codec", sound->stream.codec},
-                        {"channels", sound->stream.channels},
                         {"duration_s", sound->stream.duration_s.value_or(0.0)},
                         {"film_s", static_cast<double>(opened.source->frame_count().value_or(0)) /
                                        rate.hertz()}};

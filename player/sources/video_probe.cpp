@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -31,7 +30,6 @@ constexpr const char* kProgram = "lenticule-video";
 /// Starting the program on a busy machine may take most of it.
 constexpr std::chrono::seconds kProbeLimit{60};
 constexpr size_t kMostText = 256 * 1024;
-constexpr size_t kMostKept = 32 * 1024;  ///< of a report that is cached
 constexpr size_t kMostLine = 4096;
 constexpr size_t kMostStreams = 256;
 constexpr size_t kMostName = 200;
@@ -136,8 +134,6 @@ SoundStream parse_sound(const json& object, const std::string& source) {
   const json* const duration = fields.find("duration_s");
   const bool lasts = duration != nullptr && duration->is_number() && *duration > 0.0;
   return {.index = static_cast<int>(*index),
-          .channels = static_cast<int>(count(fields.find("channels"), 1024).value_or(0)),
-          .sample_rate = static_cast<int>(count(fields.find("sample_rate"), 1 << 24).value_or(0)),
           .codec = name(fields, "codec"),
           .language = name(fields, "language"),
           .duration_s = lasts ? std::optional(duration->get<double>()) : std::nullopt,
@@ -159,24 +155,36 @@ Error reported_error(ErrorKind kind, std::string_view output) {
   return {kind, what, take_line("  ")};
 }
 
-/// Cached reports. A video's streams are needed several times before it plays: to detect its
-/// format, and to open it with its sound.
-KnownFiles<std::pair<FileMark, std::string>, std::string> known_reports;
+/// Parses each stream of a list of the report, which may lack it.
+template <class Stream>
+std::vector<Stream> parse_streams(const JsonFields& report, const char* key,
+                                  Stream (*parse)(const json&, const std::string&)) {
+  std::vector<Stream> all;
+  const json* const streams = report.find(key);
+  if (streams == nullptr) return all;
+  if (!streams->is_array() || streams->size() > kMostStreams)
+    report.fail(key, "not a list of streams, or too long");
+  for (const json& stream : *streams) all.push_back(parse(stream, report.source()));
+  return all;
+}
 
-/// Returns the report of a file. `check` throws for a new one that is malformed.
-std::string report_of(const fs::path& file, const fs::path& program,
-                      const std::function<void(const std::string&)>& check) {
+/// Cached probes. A video's streams are needed several times before it plays: to detect its format,
+/// and to open it with its sound.
+KnownFiles<std::pair<FileMark, std::string>, VideoProbe> known_probes;
+
+VideoProbe probe(const fs::path& file, const fs::path& program) {
   const std::string path = (program.empty() ? find_video_program() : program).string();
   const FileMark mark = mark_of(file);
-  if (const auto known = known_reports.find({mark, path})) return *known;
+  if (const auto known = known_probes.find({mark, path})) return *known;
   const ProgramRun result =
       run_child({path, kForThisVersion, "probe", "--", file.string()}, kProbeLimit);
   if (result.exit_code == kOk) {
-    check(result.output);
+    const VideoProbe probe = parse_video_probe(result.output, file.string());
+    for (const VideoStream& stream : probe.pictures)
+      if (!stream.warning.empty()) say("{}: {}\n", file.string(), stream.warning);
     // A file that changed during the probe is probed again the next time.
-    if (mark.there && mark_of(file) == mark && result.output.size() <= kMostKept)
-      known_reports.add({mark, path}, result.output);
-    return result.output;
+    if (mark.there && mark_of(file) == mark) known_probes.add({mark, path}, probe);
+    return probe;
   }
   if (result.exit_code == kInput) throw reported_error(ErrorKind::Input, result.output);
   // Also the message of the dynamic linker, if libraries are missing in the middle of an upgrade.
@@ -187,32 +195,14 @@ std::string report_of(const fs::path& file, const fs::path& program,
               "the file is broken, or its disk too slow; convert it again");
 }
 
-/// Parses each stream of a list of the report.
-template <class Stream>
-std::vector<Stream> parse_streams(std::string_view text, const std::string& source, const char* key,
-                                  Stream (*parse)(const json&, const std::string&)) {
-  if (text.size() > kMostText) throw Error(ErrorKind::Input, source + ": description too long");
-  const json report = optics::parse_json(text, source);
-  const json* const streams = JsonFields(report, source).find(key);
-  if (streams == nullptr || !streams->is_array() || streams->size() > kMostStreams)
-    throw Error(ErrorKind::Input, source + ": the list of streams is missing or too long");
-  std::vector<Stream> all;
-  for (const json& stream : *streams) all.push_back(parse(stream, source));
-  return all;
-}
-
 }  // namespace
 
-std::vector<VideoStream> parse_video_probe(std::string_view text, const std::string& source) {
-  std::vector<VideoStream> all = parse_streams(text, source, "streams", parse_stream);
-  if (all.empty())
-    throw Error(ErrorKind::Input, source + ": no stream with pictures",
-                "name a file that contains a video");
-  return all;
-}
-
-std::vector<SoundStream> parse_sound_probe(std::string_view text, const std::string& source) {
-  return parse_streams(text, source, "sound", parse_sound);
+VideoProbe parse_video_probe(std::string_view text, const std::string& source) {
+  if (text.size() > kMostText) throw Error(ErrorKind::Input, source + ": description too long");
+  const json report = optics::parse_json(text, source);
+  const JsonFields fields(report, source);
+  return {.pictures = parse_streams(fields, "streams", parse_stream),
+          .sound = parse_streams(fields, "sound", parse_sound)};
 }
 
 std::optional<VideoEvent> parse_video_event(std::string_view line) {
@@ -254,15 +244,15 @@ fs::path find_video_program() {
 }
 
 std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {
-  const auto warn = [&](const std::string& report) {
-    for (const VideoStream& stream : parse_video_probe(report, file.string()))
-      if (!stream.warning.empty()) say("{}: {}\n", file.string(), stream.warning);
-  };
-  return parse_video_probe(report_of(file, program, warn), file.string());
+  std::vector<VideoStream> all = probe(file, program).pictures;
+  if (all.empty())
+    throw Error(ErrorKind::Input, file.string() + ": no stream with pictures",
+                "name a file that contains a video");
+  return all;
 }
 
 std::vector<SoundStream> probe_sound(const fs::path& file, const fs::path& program) {
-  return parse_sound_probe(report_of(file, program, [](const std::string&) {}), file.string());
+  return probe(file, program).sound;
 }
 
 }  // namespace lenticule::player

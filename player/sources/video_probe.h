@@ -44,22 +44,21 @@ struct VideoStream {
 /// A stream of sound.
 struct SoundStream {
   int index = 0;
-  int channels = 0;
-  int sample_rate = 0;
   std::string codec;     ///< escaped, like all text here
   std::string language;  ///< the tag, as "ger" or "de"; may be empty
   std::optional<double> duration_s;
   std::string refusal;  ///< reason why it cannot be decoded; empty if it can
 };
 
-/// Parses a probe's report. Throws Error(Input) "source: cause" if it is malformed, if a stream's
-/// sizes or numbers are out of range, and if it has no streams.
-[[nodiscard]] std::vector<VideoStream> parse_video_probe(std::string_view text,
-                                                         const std::string& source);
+/// The contents of a file; either list may be empty.
+struct VideoProbe {
+  std::vector<VideoStream> pictures;
+  std::vector<SoundStream> sound;
+};
 
-/// Returns the streams of sound of a probe's report; none is no error. Throws as parse_video_probe.
-[[nodiscard]] std::vector<SoundStream> parse_sound_probe(std::string_view text,
-                                                         const std::string& source);
+/// Parses a probe's report. Throws Error(Input) "source: cause" if it is malformed, and if a
+/// stream's sizes or numbers are out of range.
+[[nodiscard]] VideoProbe parse_video_probe(std::string_view text, const std::string& source);
 
 /// A line that a decoder prints while it works.
 struct VideoEvent {

@@ -24,8 +24,12 @@ void check(const player::VideoStream& stream) {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   try {
-    for (const player::VideoStream& stream : player::parse_video_probe(text, "fuzz.mkv"))
-      check(stream);
+    const player::VideoProbe probe = player::parse_video_probe(text, "fuzz.mkv");
+    for (const player::VideoStream& stream : probe.pictures) check(stream);
+    for (const player::SoundStream& stream : probe.sound) {
+      LENTICULE_CHECK(stream.index >= 0);
+      LENTICULE_CHECK(stream.language == escaped(stream.language));
+    }
   } catch (const Error& error) {
     LENTICULE_CHECK(std::string_view(error.what()).substr(0, 8) == "fuzz.mkv");
   }
