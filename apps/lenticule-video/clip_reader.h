@@ -178,15 +178,14 @@ inline constexpr int64_t kProbeMicroseconds = 5'000'000;
 /// Demuxers and decoders that may be used; the other hundreds in FFmpeg are not.
 inline constexpr const char* kContainers =
     "matroska,webm,mov,mp4,avi,nut,mpegts,mpeg,ogg,flv,mxf,asf,ivf,yuv4mpegpipe,gif,apng";
-/// Those of files that have nothing but sound.
-inline constexpr const char* kSoundContainers =
-    "wav,w64,flac,mp3,aac,aiff,matroska,webm,mov,mp4,ogg";
+/// Those of files that have nothing but sound, in addition.
+inline constexpr const char* kSoundContainers = ",wav,w64,flac,mp3,aac,aiff";
 inline constexpr const char* kDecoders =
     "ffv1,rawvideo,h264,hevc,vp8,vp9,libdav1d,av1,png,apng,mjpeg,prores,dnxhd,huffyuv,"
     "ffvhuff,utvideo,magicyuv,mpeg4,mpeg2video,mpeg1video,qtrle,v210,v308,v408,v410,r210,"
     "gif,wrapped_avframe";
 inline constexpr const char* kSoundDecoders =
-    "aac,mp3float,mp3,mp2float,mp2,opus,libopus,vorbis,libvorbis,flac,alac,ac3,eac3,wavpack,dca,"
+    ",aac,mp3float,mp3,mp2float,mp2,opus,libopus,vorbis,libvorbis,flac,alac,ac3,eac3,wavpack,dca,"
     "pcm_u8,pcm_s16le,pcm_s16be,pcm_s24le,pcm_s24be,pcm_s32le,pcm_s32be,pcm_f32le,pcm_f64le,"
     "pcm_alaw,pcm_mulaw,pcm_bluray,pcm_dvd,wmav2";
 
@@ -198,9 +197,6 @@ inline constexpr const char* kSoundDecoders =
 inline int refuse_to_open(AVFormatContext*, AVIOContext**, const char*, int, AVDictionary**) {
   return AVERROR(EACCES);
 }
-
-/// Streams that are read from a container; all others are discarded, so that they are not parsed.
-enum class Wanted { Pictures, PicturesAndSound };
 
 inline bool has_pictures(const AVStream& stream) {
   return stream.codecpar->codec_type == AVMEDIA_TYPE_VIDEO &&
@@ -379,14 +375,10 @@ class Watchdog {
 /// for that.
 class Container {
  public:
-  /// `name` is for messages. Throws Error(Input) if the file is not a video, or, if sound is
-  /// wanted, neither video nor sound.
-  Container(const int& fd, std::string name, Wanted wanted = Wanted::Pictures)
+  /// `name` is for messages. All streams but those with pictures, and with sound if it is wanted,
+  /// are discarded, so that they are not parsed. Throws Error(Input) if the file has none.
+  Container(const int& fd, std::string name, bool sound = false)
       : name_(std::move(name)), io_(make_io(fd, false)) {
-    const bool sound = wanted == Wanted::PicturesAndSound;
-    const auto both = [sound](const char* pictures, const char* of_sound) {
-      return sound ? std::string(pictures) + "," + of_sound : std::string(pictures);
-    };
     if (::lseek(fd, 0, SEEK_SET) != 0) fail(name_, "cannot seek to its start");
     AVFormatContext* format = avformat_alloc_context();
     if (format == nullptr) throw Error(ErrorKind::Failed, "video: out of memory");
@@ -395,8 +387,8 @@ class Container {
     format->io_open = refuse_to_open;
     format->probesize = kProbeBytes;
     format->max_analyze_duration = kProbeMicroseconds;
-    format->format_whitelist = av_strdup(both(kContainers, kSoundContainers).c_str());
-    format->codec_whitelist = av_strdup(both(kDecoders, kSoundDecoders).c_str());
+    format->format_whitelist = av_asprintf("%s%s", kContainers, sound ? kSoundContainers : "");
+    format->codec_whitelist = av_asprintf("%s%s", kDecoders, sound ? kSoundDecoders : "");
     format->protocol_whitelist = av_strdup("none");
     // The call frees `format` on failure.
     const int error = avformat_open_input(&format, nullptr, nullptr, nullptr);

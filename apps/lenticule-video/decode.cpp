@@ -55,8 +55,7 @@ uint64_t memory_for(const frames::FrameGeometry& geometry) {
   return kMemoryBytes + pixels * kMostBytesPerPixel * kPicturesAtATime;
 }
 
-}  // namespace
-
+/// Writes an event to standard error, which the player reads; every event must arrive.
 void report_event(const json& event) {
   const std::string text = json_text(event) + "\n";
   std::string_view rest = text;
@@ -67,8 +66,6 @@ void report_event(const json& event) {
     rest.remove_prefix(static_cast<size_t>(n));
   }
 }
-
-namespace {
 
 /// FrameTimes numbers the frames of one round by their time stamps, in periods of a constant rate,
 /// and measures how much of the clip they cover.

@@ -65,17 +65,14 @@ Run declare_sound(CLI::App& app) {
   const auto request = std::make_shared<SoundRequest>();
   app.add_option("FILE", request->file, "file with sound")->required();
   app.add_option("--ring-fd", request->ring_fd, "descriptor of the player's ring")->required();
-  app.add_option("--stream", request->stream, "index of the stream; default: the first with sound");
-  app.add_option("--rate", request->rate, "samples per second")->check(CLI::Range(8000, 192'000));
-  app.add_option("--channels", request->channels, "channels of the ring")->check(CLI::Range(1, 8));
+  app.add_option("--stream", request->stream, "index of the stream")->required();
   app.add_option_function<std::string>(
       "--fps",
       [request](const std::string& rate) { request->fps = lenticule::frames::parse_rate(rate); },
       "rate of the pictures; default: the sound is that of a still picture");
   app.add_option("--frames", request->frames, "pictures of a round; default: those of the file");
   app.add_option("--begin", request->begin, "first picture to use");
-  app.add_option("--from", request->from, "picture to start with, counted over all rounds");
-  app.add_flag("--loop", request->loop, "repeat until the player ends");
+  app.add_option("--from", request->from, "picture of the first round to start with");
   app.add_option("--parent", request->parent, "exit when this process ends");
   return [request] { return run_sound(*request); };
 }

@@ -188,8 +188,6 @@ json describe_sound(const AVFormatContext& format, const AVStream& stream) {
   const std::string obstacle = codec_obstacle(p, kSoundDecoders);
   return {{"index", stream.index},
           {"codec", avcodec_get_name(p.codec_id)},
-          {"channels", p.ch_layout.nb_channels},
-          {"sample_rate", p.sample_rate},
           {"language", tag("language")},
           {"duration_s", duration(format, stream)},
           {"refusal", obstacle.empty() ? json(nullptr) : json(obstacle)}};
@@ -202,7 +200,7 @@ int run_probe(const std::string& file) {
   alarm(kSeconds);  // ends the program if parsing the file takes longer
   confine(kMemoryBytes);
   const int fd = input.get();
-  Container container(fd, file, Wanted::PicturesAndSound);
+  Container container(fd, file, true);
   AVFormatContext& format = container.format();
   json streams = json::array(), sound = json::array();
   for (unsigned i = 0; i < format.nb_streams; ++i) {

@@ -1,19 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule-video sound decodes a sound stream into a player's SoundRing, at the player's rate.
+// lenticule-video sound decodes a sound stream into a player's SoundRing.
 //
 // Each sample has one place, whatever the decoder and the file do. Time 0 of a file is its first
 // picture, or its first sample if it has no pictures. Round k of a film of N frames begins at
 // sample floor(k N rate / fps), so that rounds join without a sample lost or added for ever. What
 // the file does not give at a place is silence: before its first sample, after its last, and where
 // packets are damaged. A round begins with a newly opened file, so that all rounds are the same.
-#include <fmt/format.h>
-
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -31,7 +29,11 @@
 namespace lenticule::video {
 namespace {
 
+using Frame = frames::SoundRing::Frame;
+
 constexpr uint64_t kMemoryBytes = uint64_t{1} << 30;
+constexpr int kRate = frames::SoundRing::kRate, kChannels = frames::SoundRing::kChannels;
+constexpr int64_t kMostHeld = int64_t{30} * kRate;
 constexpr int64_t kNoEnd = std::numeric_limits<int64_t>::max() / 4;
 constexpr double kWarmUpSeconds = 1.0;  ///< is decoded and dropped after a seek
 /// Time stamps that differ less from the number of samples are not followed: containers round them.
@@ -44,7 +46,6 @@ class SoundFeed {
   SoundFeed(const int& fd, const SoundRequest& request, frames::SoundRing& ring)
       : fd_(fd),
         request_(request),
-        channels_(static_cast<size_t>(request.channels)),
         ring_(ring),
         packet_(av_packet_alloc()),
         frame_(av_frame_alloc()) {
@@ -52,23 +53,22 @@ class SoundFeed {
   }
   /// Never returns: after the last round comes silence, until the player ends this process.
   [[noreturn]] void run() {
-    uint64_t round = request_.frames > 0 ? request_.from / request_.frames : 0;
-    for (int64_t first = place_of(request_.from) - begin_of(round);; first = 0, ++round) {
-      const int64_t length = begin_of(round + 1) - begin_of(round);
-      if (!play(first, length > 0 ? length : kNoEnd) || !request_.loop) break;
+    int64_t first = place_of(request_.from);
+    for (uint64_t round = 0;; first = 0, ++round) {
+      const int64_t length =
+          place_of((round + 1) * request_.frames) - place_of(round * request_.frames);
+      if (!play(first, length > 0 ? length : kNoEnd)) break;
     }
-    write_silence(kNoEnd);
-    std::abort();  // not reached
+    while (true) write_silence(kRate);
   }
 
  private:
   /// Returns the sample at which a frame begins.
   [[nodiscard]] int64_t place_of(uint64_t frame) const {
     if (!request_.fps) return 0;
-    return av_rescale_rnd(static_cast<int64_t>(frame), request_.rate * request_.fps->denominator,
+    return av_rescale_rnd(static_cast<int64_t>(frame), kRate * request_.fps->denominator,
                           request_.fps->numerator, AV_ROUND_DOWN);
   }
-  [[nodiscard]] int64_t begin_of(uint64_t round) const { return place_of(round * request_.frames); }
 
   /// Plays the samples [first, length) of a round. Returns false if its length is not known.
   [[nodiscard]] bool play(int64_t first, int64_t length) {
@@ -80,8 +80,13 @@ class SoundFeed {
     while (at_ < end_ && decode()) continue;
     // A film of unknown length ends with its pictures; a still picture's sound repeats by itself.
     if (end_ == kNoEnd && request_.fps) {
+      end_ = pictures_end_s_ ? std::llround(*pictures_end_s_ * kRate) : at_;
+      const int64_t over = std::clamp<int64_t>(at_ - end_, 0, std::ssize(held_));
+      held_.resize(held_.size() - static_cast<size_t>(over));
+      at_ -= over;
+      write({});
       if (!pictures_end_s_) return false;
-      end_ = static_cast<int64_t>(std::llround(*pictures_end_s_ * request_.rate));
+      ring_.set_round(static_cast<uint64_t>(std::max(end_, at_)));
     }
     if (end_ != kNoEnd) write_silence(end_ - at_);
     return at_ > begin;
@@ -91,19 +96,16 @@ class SoundFeed {
     codec_.reset();
     swr_.reset();
     origin_.reset();
-    container_.emplace(fd_, request_.file, Wanted::PicturesAndSound);
-    AVFormatContext& format = container_->format();
-    for (unsigned i = 0; i < format.nb_streams; ++i) {
-      AVStream& one = *format.streams[i];
-      const bool sound = one.codecpar->codec_type == AVMEDIA_TYPE_AUDIO;
-      const bool wanted = sound && request_.stream.value_or(one.index) == one.index;
-      if (wanted && stream_ == nullptr)
-        stream_ = &one;
-      else if (has_pictures(one) && pictures_ == nullptr)
-        pictures_ = &one;
-      if (&one != stream_ && (&one != pictures_ || request_.frames > 0))
-        one.discard = AVDISCARD_ALL;
+    read_errors_ = 0;
+    container_.emplace(fd_, request_.file, true);
+    const std::span streams(container_->format().streams, container_->format().nb_streams);
+    for (AVStream* const one : streams) {
+      if (one->index == request_.stream && one->codecpar->codec_type == AVMEDIA_TYPE_AUDIO)
+        stream_ = one;
+      if (pictures_ == nullptr && has_pictures(*one)) pictures_ = one;
     }
+    for (AVStream* const one : streams)
+      if (one != stream_ && (one != pictures_ || request_.frames > 0)) one->discard = AVDISCARD_ALL;
     if (stream_ == nullptr) fail(request_.file, "no such sound", "lenticule-video probe lists it");
     if (pictures_ != nullptr && pictures_->start_time != AV_NOPTS_VALUE)
       origin_ = seconds(pictures_->start_time, *pictures_);
@@ -117,7 +119,7 @@ class SoundFeed {
   }
   /// Files without an index are decoded from the start.
   void seek() {
-    const double to = static_cast<double>(at_) / request_.rate - kWarmUpSeconds;
+    const double to = static_cast<double>(at_) / kRate - kWarmUpSeconds;
     if (!origin_ && stream_->start_time != AV_NOPTS_VALUE)
       origin_ = seconds(stream_->start_time, *stream_);
     const int64_t time = std::llround((origin_.value_or(0.0) + to) / av_q2d(stream_->time_base));
@@ -125,8 +127,9 @@ class SoundFeed {
         av_seek_frame(&container_->format(), stream_->index, time, AVSEEK_FLAG_BACKWARD) >= 0)
       avcodec_flush_buffers(codec_.get());
   }
+  /// Returns a time that the file states, which may be any number, within 30 years.
   static double seconds(int64_t time, const AVStream& stream) {
-    return static_cast<double>(time) * av_q2d(stream.time_base);
+    return std::clamp(static_cast<double>(time) * av_q2d(stream.time_base), -1e9, 1e9);
   }
 
   /// Decodes the next frame; returns false at the end.
@@ -148,19 +151,17 @@ class SoundFeed {
       return note_damage();
     if (error < 0) return (void)avcodec_send_packet(codec_.get(), nullptr);
     const AVPacket& packet = *packet_;
-    if (packet.stream_index != stream_->index && origin_ && packet.pts != AV_NOPTS_VALUE)
-      pictures_end_s_ = std::max(pictures_end_s_.value_or(0.0),
-                                 seconds(packet.pts + packet.duration, *pictures_) - *origin_);
+    const int64_t time = packet.pts != AV_NOPTS_VALUE ? packet.pts : packet.dts;
+    if (packet.stream_index != stream_->index && origin_ && time != AV_NOPTS_VALUE)
+      pictures_end_s_ =
+          std::max(pictures_end_s_.value_or(0.0),
+                   seconds(time, *pictures_) + seconds(packet.duration, *pictures_) - *origin_);
     if (packet.stream_index == stream_->index && avcodec_send_packet(codec_.get(), &packet) < 0)
       note_damage();
   }
   void note_damage() {
     after_damage_ = true;
-    ++damaged_;
-    const auto now = std::chrono::steady_clock::now();
-    if (now - reported_at_ < std::chrono::milliseconds(500)) return;
-    reported_at_ = now;
-    report_event({{"event", "broken"}, {"count", damaged_}});
+    ring_.count_damage();
   }
 
   /// Converts a frame. A time stamp that does not continue the samples before begins a new run.
@@ -174,10 +175,10 @@ class SoundFeed {
       end_run();
     if (const int64_t pts = frame.best_effort_timestamp; pts != AV_NOPTS_VALUE) {
       if (!origin_) origin_ = seconds(pts, *stream_);
-      const int64_t stated = std::llround((seconds(pts, *stream_) - *origin_) * request_.rate);
-      const int64_t continued = next_ + (swr_ ? swr_get_delay(swr_.get(), request_.rate) : 0);
+      const int64_t stated = std::llround((seconds(pts, *stream_) - *origin_) * kRate);
+      const int64_t continued = next_ + (swr_ ? swr_get_delay(swr_.get(), kRate) : 0);
       const double most = after_damage_ ? kDeviationAfterDamage : kUsualDeviation;
-      if (std::abs(static_cast<double>(stated - continued)) > most * request_.rate) end_run();
+      if (std::abs(static_cast<double>(stated - continued)) > most * kRate) end_run();
       if (!swr_) next_ = stated;
     }
     after_damage_ = false;
@@ -186,13 +187,13 @@ class SoundFeed {
   }
   void begin_run() {
     AVChannelLayout to{}, from = frame_->ch_layout;  // of up to 64 channels: owns nothing
-    av_channel_layout_default(&to, request_.channels);
+    av_channel_layout_default(&to, kChannels);
     if (from.order == AV_CHANNEL_ORDER_UNSPEC) av_channel_layout_default(&from, from.nb_channels);
     format_ = frame_->format;
     rate_ = frame_->sample_rate;
     file_channels_ = frame_->ch_layout.nb_channels;
     SwrContext* made = nullptr;
-    const int error = swr_alloc_set_opts2(&made, &to, AV_SAMPLE_FMT_FLT, request_.rate, &from,
+    const int error = swr_alloc_set_opts2(&made, &to, AV_SAMPLE_FMT_FLT, kRate, &from,
                                           static_cast<AVSampleFormat>(format_), rate_, 0, nullptr);
     swr_.reset(made);
     if (error < 0 || swr_init(made) < 0)
@@ -205,7 +206,7 @@ class SoundFeed {
   }
   void push(uint8_t* const* data, int count) {
     const int room = std::max(swr_get_out_samples(swr_.get(), count), 0);
-    samples_.resize(static_cast<size_t>(room) * channels_);
+    samples_.resize(static_cast<size_t>(room));
     auto* to = reinterpret_cast<uint8_t*>(samples_.data());
     const int64_t got =
         swr_convert(swr_.get(), &to, room, const_cast<const uint8_t**>(data), count);
@@ -213,31 +214,40 @@ class SoundFeed {
     write_silence(std::min(next_, end_) - at_);
     const int64_t from = std::clamp<int64_t>(at_ - next_, 0, got);
     const int64_t until = std::clamp<int64_t>(end_ - next_, from, got);
-    write(std::span(samples_).subspan(static_cast<size_t>(from) * channels_,
-                                      static_cast<size_t>(until - from) * channels_));
+    write(
+        std::span(samples_).subspan(static_cast<size_t>(from), static_cast<size_t>(until - from)));
     next_ += got;
   }
 
   void write_silence(int64_t count) {
-    const std::vector<float> zeros(1024 * channels_, 0.0F);
+    static constexpr std::array<Frame, 1024> kZeros{};
     for (; count > 0; count -= 1024)
-      write(
-          std::span(zeros).first(static_cast<size_t>(std::min<int64_t>(count, 1024)) * channels_));
+      write(std::span(kZeros).first(static_cast<size_t>(std::min<int64_t>(count, 1024))));
+  }
+  /// Writes samples. While the film's length is not known, those after the last picture so far are
+  /// held back, because they are cut if it is the last one.
+  void write(std::span<const Frame> samples) {
+    held_.insert(held_.end(), samples.begin(), samples.end());
+    at_ += std::ssize(samples);
+    int64_t count = std::ssize(held_);
+    if (end_ == kNoEnd && request_.fps && count < kMostHeld)
+      count = std::clamp<int64_t>(
+          std::llround(pictures_end_s_.value_or(0.0) * kRate) - (at_ - count), 0, count);
+    put(std::span(held_).first(static_cast<size_t>(count)));
+    held_.erase(held_.begin(), held_.begin() + count);
   }
   /// Waits while the ring is full. The kernel ends this process with the player.
-  void write(std::span<const float> samples) {
+  void put(std::span<const Frame> samples) {
     while (!samples.empty()) {
-      const size_t room = std::min<uint64_t>(ring_.room() * channels_, samples.size());
+      const size_t room = std::min<uint64_t>(ring_.room(), samples.size());
       if (room == 0) std::this_thread::sleep_for(std::chrono::milliseconds(5));
       ring_.write(samples.first(room));
       samples = samples.subspan(room);
-      at_ += static_cast<int64_t>(room / channels_);
     }
   }
 
   const int& fd_;
   const SoundRequest& request_;
-  const size_t channels_;
   frames::SoundRing& ring_;
   AvPacket packet_;
   AvFrame frame_;
@@ -247,14 +257,12 @@ class SoundFeed {
   AvCodec codec_;
   SwResampler swr_;
   int format_ = 0, rate_ = 0, file_channels_ = 0;  ///< of the run
-  std::vector<float> samples_;
+  std::vector<Frame> samples_, held_;
   int64_t at_ = 0;                ///< place in the file of the next sample of the ring
   int64_t end_ = 0;               ///< place at which the round ends
   int64_t next_ = 0;              ///< place of the next sample of the run
   std::optional<double> origin_;  ///< time 0 of the file, seconds
   std::optional<double> pictures_end_s_;
-  uint64_t damaged_ = 0;
-  std::chrono::steady_clock::time_point reported_at_;
   bool after_damage_ = false;
   int read_errors_ = 0;
 };
@@ -265,7 +273,7 @@ int run_sound(const SoundRequest& request) {
   if (request.parent > 0 && !die_with(request.parent)) return 1;
   volunteer_for_oom();
   const UniqueFd input(open_clip_file(request.file));
-  frames::SoundRing ring(UniqueFd(request.ring_fd), request.channels);
+  frames::SoundRing ring{UniqueFd(request.ring_fd)};
   confine(kMemoryBytes, request.parent);
   const int fd = input.get();
   SoundFeed(fd, request, ring).run();

@@ -7,16 +7,12 @@
 
 #include <cstdint>
 #include <limits>
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 
 #include "frames/rational.h"
 
 namespace lenticule::video {
-
-/// Writes an event to standard error, which the player reads; every event must arrive.
-void report_event(const nlohmann::json& event);
 
 /// Prints {"container": ..., "streams": [...]} on standard output.
 [[nodiscard]] int run_probe(const std::string& file);
@@ -51,15 +47,12 @@ struct DecodeRequest {
 
 struct SoundRequest {
   std::string file;
-  int ring_fd = -1;           ///< descriptor of the player's SoundRing
-  std::optional<int> stream;  ///< default: the first with sound
-  int rate = 48000;           ///< samples per second in the ring
-  int channels = 2;
+  int ring_fd = -1;                 ///< descriptor of the player's SoundRing
+  int stream = 0;                   ///< index of the one with the sound
   std::optional<frames::Rate> fps;  ///< rate of the pictures; none: a still picture's sound
   uint64_t frames = 0;              ///< pictures of a round; 0 = those of the file
   uint64_t begin = 0;               ///< number in the film of the first one
-  uint64_t from = 0;                ///< picture to start with, counted over all rounds
-  bool loop = false;
+  uint64_t from = 0;                ///< picture of the first round to start with
   pid_t parent = 0;
 };
 [[nodiscard]] int run_sound(const SoundRequest& request);

@@ -539,7 +539,8 @@ class Presenter {
           index == flip.id ? due : static_cast<uint64_t>(vblanks_.last_time().count());
     } else if (flip.number < sound_number_) {
       ++sound_.round;
-      sound_.round_frames = sound_number_ + 1;
+      // The last frame of a round may be dropped.
+      sound_.round_frames = std::max(sound_.round_frames, sound_number_ + 1);
     }
     sound_number_ = flip.number;
     sound_.item = flip.item;
@@ -548,7 +549,6 @@ class Presenter {
     sound_.cut = flip.cut;
     sound_.numerator = static_cast<uint64_t>(rate.numerator);
     sound_.denominator = static_cast<uint64_t>(rate.denominator);
-    sound_.permille = speed_permille_.load(std::memory_order_acquire);
     options_.sound->anchor.publish(sound_);
   }
   void hold_sound(bool held) noexcept {

@@ -18,14 +18,13 @@ struct SoundAnchor {
   uint64_t item = 0;          ///< item number that the source gives
   uint64_t number = 0;        ///< number of the frame within the item
   uint64_t round = 0;         ///< times that the item began again
-  uint64_t round_frames = 0;  ///< frames of the round before; 0: there was none
+  uint64_t round_frames = 0;  ///< frames of the longest round so far; 0: there was none
   uint64_t due_ns = 0;        ///< display clock; 0: nothing was shown yet
   uint64_t begun_ns = 0;      ///< time at which the item's turn began
   uint64_t cut = 0;           ///< discontinuity number of the source
   uint64_t numerator = 0;     ///< rate at which frames follow, as played
   uint64_t denominator = 0;
-  uint64_t permille = 1000;  ///< speed
-  uint64_t held = 1;         ///< 1: paused, or switched off
+  uint64_t held = 1;  ///< 1: paused, or switched off
 };
 
 struct SoundClock {

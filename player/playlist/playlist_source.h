@@ -308,6 +308,7 @@ class PlaylistSource final : public frames::FrameSource {
       more = item.item.permitted(options_.local_time());
     if (!more || loader_.is_outdated()) return false;
     if (takes_replacement(item)) return true;
+    begin_sound(item);  // the number of loops may be another one
     if (item.opened.source->rewind()) {
       if (!item.is_still())
         reporter_.report({.kind = EventKind::LoopPoint, .source = item.item.source.text});
@@ -332,7 +333,7 @@ class PlaylistSource final : public frames::FrameSource {
   }
   void begin(std::unique_ptr<OpenItem> item) {
     item->number = next_number_++;
-    if (item->opened.begin_sound) item->opened.begin_sound(item->number);
+    begin_sound(*item);
     item->waiting_since = SteadyClock::now();
     current_ = std::move(item);
     next_asked_ = false;
@@ -343,6 +344,11 @@ class PlaylistSource final : public frames::FrameSource {
       reporter_.report({.kind = EventKind::Returned,
                         .source = current_->item.source.text,
                         .woven_elsewhere = current_->opened.woven_elsewhere});
+  }
+  void begin_sound(const OpenItem& item) const {
+    if (item.opened.begin_sound)
+      item.opened.begin_sound(item.number,
+                              item.item.duration_s ? kForever : loader_.loops_of(item));
   }
   /// Leaves the item to the loader to be closed, once its frames are given back.
   void leave_current(bool to_end = true) {

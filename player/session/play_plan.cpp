@@ -266,7 +266,7 @@ void plan_sound(const PlayFlags& flags, PlayPlan& plan) {
     throw Error(ErrorKind::Input, fmt::format("--sound {}: no such file", flags.sound),
                 "name a file with sound, or none");
   if (flags.preflight) options.device = "none";
-  plan.sound = make_sound_player(std::move(options));
+  plan.sound = std::make_shared<SoundPlayer>(std::move(options));
 }
 
 /// Checks the flags that state how views are laid out in a single source; items of a list state

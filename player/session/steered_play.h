@@ -555,7 +555,7 @@ class SteeredPlay {
       const PlaylistItem item = read_playlist(plan_.source, flags_, plan_).items.front();
       if (plan_.sound)
         opened.begin_sound = plan_.sound->open(item, plan_.playback.content, 0, *opened.source);
-      if (opened.begin_sound) opened.begin_sound(0);
+      if (opened.begin_sound) opened.begin_sound(0, item.loops);
       if (plan_.trim) plan_.trim->note_content(opened.woven_elsewhere);
       const auto count = opened.source->frame_count();
       const bool still = count ? *count == 1 : plan_.source.may_be_still();

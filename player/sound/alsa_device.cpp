@@ -17,8 +17,7 @@ namespace lenticule::player {
 namespace {
 
 constexpr unsigned kLatencyUs = 30'000;  ///< size of the device's buffer
-constexpr int kWaitMs = 100;
-constexpr int kBlocksThere = 8;  ///< more than the buffer holds
+constexpr int kBlocksThere = 8;          ///< more than the buffer holds
 
 template <auto kClose>
 struct Close {
@@ -53,11 +52,11 @@ class AlsaDevice final : public SoundDevice {
     if (fits && ++in_a_row_ < kBlocksThere) return Status::Ready;
     in_a_row_ = 0;
     if (fits) {  // a device without a clock ("null") always has room
-      std::this_thread::sleep_for(std::chrono::milliseconds(kWaitMs / 5));
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
       return Status::NotYet;
     }
     if (snd_pcm_state(pcm_.get()) == SND_PCM_STATE_PREPARED) (void)snd_pcm_start(pcm_.get());
-    const int error = snd_pcm_wait(pcm_.get(), kWaitMs);
+    const int error = snd_pcm_wait(pcm_.get(), 100);
     return error < 0 ? recover(error) : Status::NotYet;
   }
   [[nodiscard]] Nanoseconds heard_at(Nanoseconds now) noexcept override {
@@ -90,14 +89,11 @@ class AlsaDevice final : public SoundDevice {
 std::optional<PanelCode> panel_on(const std::string& connector) {
   std::error_code ignored;
   for (const auto& entry : std::filesystem::directory_iterator("/sys/class/drm", ignored)) {
-    const std::string name = entry.path().filename().string();
-    if (!name.starts_with("card") || !name.ends_with("-" + connector)) continue;
     std::ifstream file(entry.path() / "edid", std::ios::binary);
-    std::array<char, 12> head{};
     PanelCode code{};
-    if (!file.read(head.data(), head.size())) continue;
-    std::copy_n(head.begin() + 8, code.size(), code.begin());
-    return code;
+    if (entry.path().filename().string().ends_with("-" + connector) && file.ignore(8) &&
+        file.read(reinterpret_cast<char*>(code.data()), code.size()))
+      return code;
   }
   return std::nullopt;
 }
@@ -142,20 +138,19 @@ std::unique_ptr<SoundDevice> record_wav(const std::string& file) {
     std::FILE* out = nullptr;
     uint32_t bytes = 0;
     void write_header() const {
-      constexpr uint32_t kFrame = kSoundChannels * 2, kForm = 1 | kSoundChannels << 16;
-      constexpr uint32_t kRiff = 0x46464952, kWave = 0x45564157, kFmt = 0x20746d66;
-      const uint32_t words[] = {kRiff,
+      constexpr uint32_t kFrame = kSoundChannels * 2, kRate = kSoundRate, kPcm = 1;
+      const uint32_t words[] = {0x46464952,
                                 36 + bytes,
-                                kWave,
-                                kFmt,
+                                0x45564157,  // RIFF ... WAVE
+                                0x20746d66,
                                 16,
-                                kForm,
-                                kSoundRate,
-                                kSoundRate * kFrame,
+                                kPcm | kSoundChannels << 16,
+                                kRate,
+                                kRate * kFrame,
                                 kFrame | 16 << 16,
                                 0x61746164,
-                                bytes};
-      (void)std::fwrite(words, 4, std::size(words), out);
+                                bytes};  // data
+      (void)std::fwrite(words, sizeof words, 1, out);
     }
     ~Wav() {
       if (out == nullptr) return;
@@ -175,9 +170,8 @@ std::unique_ptr<SoundDevice> record_wav(const std::string& file) {
     std::ranges::transform(block, codes.begin(),
                            [](float x) { return static_cast<int16_t>(std::lrint(x * 32767.0F)); });
     constexpr uint32_t kMost = 0xf0000000;  // a WAV file cannot be longer
-    if (wav->bytes > kMost) return;
-    (void)std::fwrite(codes.data(), 2, block.size(), wav->out);
-    wav->bytes += static_cast<uint32_t>(block.size() * 2);
+    if (wav->bytes < kMost && std::fwrite(codes.data(), 2 * block.size(), 1, wav->out) == 1)
+      wav->bytes += static_cast<uint32_t>(block.size() * 2);
   });
 }
 

@@ -13,11 +13,12 @@
 #include <string>
 
 #include "display/display.h"
+#include "frames/sound/sound_ring.h"
 
 namespace lenticule::player {
 
-inline constexpr int kSoundRate = 48'000;
-inline constexpr int kSoundChannels = 2;
+inline constexpr int kSoundRate = frames::SoundRing::kRate;
+inline constexpr int kSoundChannels = frames::SoundRing::kChannels;
 inline constexpr size_t kSoundBlock = 256;  ///< frames that are computed at once, 5.3 ms
 inline constexpr std::chrono::milliseconds kSoundAhead{20};  ///< that a recorder is filled ahead
 

@@ -30,15 +30,13 @@ namespace lenticule::player {
 
 /// The sound of an item, as one decoder delivers it. Constant except for the ring.
 struct ItemSamples {
-  frames::SoundRing ring{kSoundChannels};
+  frames::SoundRing ring{};
   uint64_t serial = 0;                ///< differs from that of all others
   std::optional<frames::Rate> fps{};  ///< rate of the pictures; none: a still picture
-  uint64_t frames = 0;                ///< pictures of a round; 0: not known
-  bool knows_length = false;          ///< the decoder finds the length of a round by itself
-  uint64_t rounds = 0;                ///< after which comes silence; 0: without end
+  uint64_t frames = 0;                ///< pictures of a round; 0: the ring may know its length
   uint64_t first_round = 0;           ///< round in which frame 0 of the ring lies
   double first = 0.0;                 ///< samples of that round before frame 0
-  float gain = 1.0F;
+  double volume_db = 0.0;
 };
 
 /// SoundSlot is the place of an item's sound. Its owner fills it, the mixer reads it.
@@ -46,6 +44,7 @@ struct SoundSlot {
   static constexpr uint64_t kNoItem = ~uint64_t{0};
   std::atomic<uint64_t> item{kNoItem};
   std::atomic<ItemSamples*> samples{nullptr};
+  std::atomic<uint64_t> rounds{0};         ///< after which comes silence; 0: without end
   std::atomic<bool> needs_decoder{false};  ///< the ring will never have what is due
 };
 
@@ -58,7 +57,7 @@ struct SoundCounts {
   Counter playing;    ///< 1 while an item's sound is heard
 };
 
-/// Thread safety: set_volume(), counts(), slots and retire() on any thread, the rest on one.
+/// Thread safety: volume, counts, slots and retire() on any thread, the rest on one.
 class SoundMixer {
  public:
   /// Lifetime: the clock must outlive the mixer.
@@ -69,10 +68,7 @@ class SoundMixer {
         const double x = k - kBefore - static_cast<double>(phase) / kPhases;
         const double window = 0.5 + 0.5 * std::cos(2.0 * pi * x / (kTaps + 1));
         const double tap = std::abs(x) < 1e-9 ? 1.0 : std::sin(pi * x) / (pi * x) * window;
-        // A whole number of samples is no change at all.
-        const bool zero = phase % kPhases == 0 && std::abs(x) > 0.5;
-        filter_[static_cast<size_t>(phase)][static_cast<size_t>(k)] =
-            zero ? 0.0F : static_cast<float>(tap);
+        filter_[static_cast<size_t>(phase)][static_cast<size_t>(k)] = static_cast<float>(tap);
       }
   }
 
@@ -102,7 +98,7 @@ class SoundMixer {
       fade_in_ = at_ + due.samples->first > 0.001 * kSoundRate ? kFade : 0;
     }
     if (serial_ != 0) play(*due.samples, block);
-    for (float* out = block.data(); tail_at_ < tail_.size() && out < block.data() + block.size();)
+    for (auto out = block.begin(); tail_at_ < tail_.size() && out != block.end();)
       *out++ += tail_[tail_at_++];
     std::ranges::transform(block, block.begin(), sample);
     counts_.playing.set(serial_ != 0 ? 1 : 0);
@@ -110,23 +106,29 @@ class SoundMixer {
   }
   /// Returns true if render() would find all samples, or none is due.
   [[nodiscard]] bool is_ready(Nanoseconds heard) noexcept {
+    turn_.fetch_add(1);
     const Place due = place_at(clock_.anchor.read(), heard);
-    if (due.samples == nullptr) return true;
-    const auto from = static_cast<uint64_t>(std::max(0.0, due.at));
-    (void)due.samples->ring.look();
-    due.samples->ring.play_from(from);
-    return due.samples->ring.holds(from + kAhead);
+    const bool ready = due.samples == nullptr || is_there(due.samples->ring, due.at);
+    turn_.fetch_add(1);
+    return ready;
   }
 
-  void set_volume(float gain) noexcept { volume_.store(gain); }
   [[nodiscard]] std::array<SoundSlot, 16>& slots() noexcept { return slots_; }
   /// Takes the samples out of a slot; afterwards the mixer does not use them.
   void retire(SoundSlot& slot) noexcept {
     slot.samples.store(nullptr);
     const uint64_t turn = turn_.load();
-    while (turn % 2 != 0 && turn_.load() == turn) std::this_thread::yield();
+    // Sleeps, because a thread of a higher priority that yields would keep the mixer from its turn.
+    while (turn % 2 != 0 && turn_.load() == turn)
+      std::this_thread::sleep_for(std::chrono::microseconds(50));
   }
   [[nodiscard]] const SoundCounts& counts() const noexcept { return counts_; }
+  /// Returns true if a film of this rate is played at it, except for the lock to the panel's.
+  [[nodiscard]] static bool follows(const SoundAnchor& anchor, const frames::Rate& fps) noexcept {
+    return std::abs(speed_of(anchor) / fps.hertz() - 1.0) <= kMostLocked;
+  }
+
+  std::atomic<double> volume_db{0.0};  ///< that of the item is added
 
  private:
   static constexpr int kTaps = 32, kBefore = kTaps / 2 - 1, kPhases = 256;
@@ -146,14 +148,13 @@ class SoundMixer {
     double at = 0.0;
     double speed = 1.0;  ///< samples of the film per sample that is heard
   };
-  /// Makes any float a sample: the decoder is not trusted.
+  /// Makes any float a sample, also not-a-number: the decoder is not trusted.
   static float sample(float x) noexcept {
-    if (x >= -1.0F && x <= 1.0F) return x;
-    return x > 1.0F ? 1.0F : x < -1.0F ? -1.0F : 0.0F;  // the last for not-a-number
+    return x >= -1.0F && x <= 1.0F ? x : x > 1.0F ? 1.0F : x < -1.0F ? -1.0F : 0.0F;
   }
 
   [[nodiscard]] Place place_at(const SoundAnchor& anchor, Nanoseconds heard) noexcept {
-    if (anchor.due_ns == 0 || anchor.held != 0 || anchor.permille != 1000) return {};
+    if (anchor.due_ns == 0 || anchor.held != 0) return {};
     const auto slot = std::ranges::find(slots_, anchor.item,
                                         [](const SoundSlot& one) { return one.item.load(); });
     ItemSamples* const samples = slot == slots_.end() ? nullptr : slot->samples.load();
@@ -162,22 +163,33 @@ class SoundMixer {
       return static_cast<double>(heard.count() - static_cast<int64_t>(ns)) * 1e-9;
     };
     if (!samples->fps) return {.samples = samples, .at = since(anchor.begun_ns) * kSoundRate};
-    const double fps = samples->fps->hertz();
-    const double speed =
-        static_cast<double>(anchor.numerator) / static_cast<double>(anchor.denominator) / fps;
-    if (since(anchor.due_ns) > kLongestStall || std::abs(speed - 1.0) > kMostLocked) return {};
-    const uint64_t round = anchor.round - samples->first_round;
-    const uint64_t frames =
-        samples->frames > 0 || !samples->knows_length ? samples->frames : anchor.round_frames;
-    const double frame =
-        static_cast<double>(round * frames + anchor.number) + since(anchor.due_ns) * fps * speed;
-    const double at = frame * kSoundRate / fps - samples->first;
-    const bool never = anchor.round < samples->first_round || (round > 0 && frames == 0) ||
+    if (since(anchor.due_ns) > kLongestStall || !follows(anchor, *samples->fps)) return {};
+    const double fps = samples->fps->hertz(), speed = speed_of(anchor) / fps;
+    const auto round = static_cast<double>(anchor.round - samples->first_round);
+    const double length = samples->frames > 0
+                              ? static_cast<double>(samples->frames) * kSoundRate / fps
+                              : static_cast<double>(samples->ring.round());
+    const double frame = static_cast<double>(anchor.number) + since(anchor.due_ns) * fps * speed;
+    const double at = round * length + frame * kSoundRate / fps - samples->first;
+    const bool never = anchor.round < samples->first_round || (round > 0.0 && length == 0.0) ||
                        (at >= 0.0 && samples->ring.is_gone(static_cast<uint64_t>(at)));
     if (never) slot->needs_decoder.store(true);
-    const auto end = static_cast<double>(frames * (samples->rounds - samples->first_round));
-    const bool over = samples->rounds > 0 && frames > 0 && frame >= end;
+    const uint64_t rounds = slot->rounds.load();
+    const double left = static_cast<double>(rounds) - static_cast<double>(samples->first_round);
+    const bool over = rounds > 0 && length > 0.0 && at + samples->first >= left * length;
     return never || over ? Place{} : Place{.samples = samples, .at = at, .speed = speed};
+  }
+  static double speed_of(const SoundAnchor& anchor) noexcept {
+    return static_cast<double>(anchor.numerator) / static_cast<double>(anchor.denominator);
+  }
+  static float gain_of(double db) noexcept {
+    return db <= kLeastVolumeDb ? 0.0F : static_cast<float>(std::pow(10.0, db / 20.0));
+  }
+  /// Returns true if a block from this frame on is in the ring. Frees what lies before it.
+  static bool is_there(frames::SoundRing& ring, double at) noexcept {
+    ring.look();
+    ring.play_from(static_cast<uint64_t>(std::max(0.0, at - kTaps)));
+    return ring.holds(static_cast<uint64_t>(std::max(0.0, at)) + kAhead);
   }
   /// Computes the 10 ms that follow of what was played, while it becomes silent.
   void fade_out() noexcept {
@@ -204,19 +216,16 @@ class SoundMixer {
   }
   /// Writes the frames from at_ on, and moves on. Becomes silent before the ring is empty.
   void play(ItemSamples& samples, std::span<float> out) noexcept {
-    frames::SoundRing& ring = samples.ring;
-    (void)ring.look();
-    ring.play_from(static_cast<uint64_t>(std::max(0.0, at_ - kTaps)));
-    const bool there = ring.holds(static_cast<uint64_t>(std::max(0.0, at_)) + kAhead);
+    const bool there = is_there(samples.ring, at_);
     if (!there && counts_.late.get() == 0) counts_.underruns.add();
     counts_.late.set(there ? 0 : 1);
-    const float target = there ? volume_.load(std::memory_order_relaxed) * samples.gain : 0.0F;
+    const float target = there ? gain_of(volume_db.load()) * gain_of(samples.volume_db) : 0.0F;
     if (since_jump_ == 0) gain_ = target;
     const float step = (target - gain_) / static_cast<float>(out.size() / kSoundChannels);
     for (size_t k = 0; k < out.size(); k += kSoundChannels, at_ += speed_) {
       float gain = gain_ += step;
       if (fade_in_ > 0) gain *= 1.0F - static_cast<float>(fade_in_--) / kFade;
-      read(ring, at_, gain, &out[k]);
+      read(samples.ring, at_, gain, &out[k]);
     }
     gain_ = target;
   }
@@ -224,8 +233,8 @@ class SoundMixer {
     const double whole = std::floor(at);
     const auto add = [&](int64_t frame, float weight) {
       if (frame < 0 || !ring.holds(static_cast<uint64_t>(frame))) return;
-      const float* const from = ring.at(static_cast<uint64_t>(frame));
-      for (size_t c = 0; c < kSoundChannels; ++c) out[c] += weight * sample(from[c]);
+      for (size_t c = 0; c < kSoundChannels; ++c)
+        out[c] += weight * sample(ring.at(static_cast<uint64_t>(frame))[c]);
     };
     if (at == whole) return add(static_cast<int64_t>(whole), gain);
     const double place = (at - whole) * kPhases;
@@ -239,7 +248,6 @@ class SoundMixer {
   const SoundClock& clock_;
   std::array<SoundSlot, 16> slots_;
   std::atomic<uint64_t> turn_{0};  ///< odd while the mixer may use samples
-  std::atomic<float> volume_{1.0F};
   SoundCounts counts_;
   std::array<std::array<float, kTaps>, kPhases + 1> filter_{};
 

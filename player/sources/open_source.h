@@ -70,9 +70,9 @@ struct OpenedSource {
   std::function<std::string()> loop_obstacle;
   /// Advice if no frame arrives; may be empty.
   std::string stall_hint;
-  /// Called with the number that the item's frames will have, for its sound; may be null. Owns the
-  /// sound.
-  std::function<void(uint64_t item)> begin_sound;
+  /// Called with the number that the item's frames will have, and the rounds to play, as known at
+  /// the start of each; may be null. Owns the sound.
+  std::function<void(uint64_t item, uint64_t rounds)> begin_sound;
   /// The frames were woven before they came here, so that a trim does not change them.
   bool woven_elsewhere = false;
 };

@@ -19,17 +19,15 @@ UniqueFd copy_of(int fd) {
 TEST(SoundRing, GivesEverySampleOnceAndInOrderBetweenTwoThreads) {
   constexpr uint64_t kCount = 5 * SoundRing::kFrames + 77;
   // One mapping for both, because the thread sanitizer knows memory by its address.
-  SoundRing ring(2);
+  SoundRing ring;
   SoundRing &player = ring, &decoder = ring;
   std::thread writer([&] {
-    std::vector<float> piece;
+    std::vector<SoundRing::Frame> piece;
     for (uint64_t next = 0; next < kCount;) {
       piece.clear();
       const uint64_t end = std::min({next + decoder.room(), next + 1000, kCount});
-      for (; next < end; ++next) {
-        piece.push_back(static_cast<float>(next % 65521));
-        piece.push_back(-static_cast<float>(next % 65521));
-      }
+      for (; next < end; ++next)
+        piece.push_back({static_cast<float>(next % 65521), -static_cast<float>(next % 65521)});
       decoder.write(piece);
       if (piece.empty()) std::this_thread::yield();
     }
@@ -48,9 +46,9 @@ TEST(SoundRing, GivesEverySampleOnceAndInOrderBetweenTwoThreads) {
 }
 
 TEST(SoundRing, KeepsWhatLiesAShortWhileBack) {
-  SoundRing player(1);
-  SoundRing decoder(copy_of(player.fd()), 1);
-  decoder.write(std::vector<float>(SoundRing::kFrames, 0.5F));
+  SoundRing player;
+  SoundRing decoder(copy_of(player.fd()));
+  decoder.write(std::vector<SoundRing::Frame>(SoundRing::kFrames, {0.5F, 0.5F}));
   EXPECT_EQ(decoder.room(), 0U);
   EXPECT_EQ(player.look(), SoundRing::kFrames);
   player.play_from(40'000);
@@ -62,7 +60,7 @@ TEST(SoundRing, KeepsWhatLiesAShortWhileBack) {
 }
 
 TEST(SoundRing, ADecoderThatLiesGetsTheReaderNoFurtherThanTheRing) {
-  SoundRing player(2);
+  SoundRing player;
   const Mapping memory(player.fd(), 0, 4096, PROT_READ | PROT_WRITE);
   auto* const written = reinterpret_cast<std::atomic<uint64_t>*>(memory.bytes().data());
   written->store(1000);
@@ -73,11 +71,15 @@ TEST(SoundRing, ADecoderThatLiesGetsTheReaderNoFurtherThanTheRing) {
   EXPECT_EQ(player.look(), SoundRing::kFrames) << "is ahead of what the ring holds";
   player.play_from(std::numeric_limits<uint64_t>::max());
   EXPECT_LE(player.look(), 2 * SoundRing::kFrames);
+  player.set_round(std::numeric_limits<uint64_t>::max());
+  EXPECT_EQ(player.round(), SoundRing::kMost) << "a product with rounds stays a number of frames";
 }
 
 TEST(SoundRing, RefusesMemoryOfAnotherSizeAndCannotBeMadeShorter) {
-  const SoundRing player(2);
-  EXPECT_THROW(SoundRing(copy_of(player.fd()), 3), Error);
+  const SoundRing player;
+  UniqueFd other(::memfd_create("other", MFD_CLOEXEC));
+  ASSERT_EQ(::ftruncate(other.get(), 4096), 0);
+  EXPECT_THROW(SoundRing(std::move(other)), Error);
   EXPECT_NE(::ftruncate(player.fd(), 0), 0);
 }
 

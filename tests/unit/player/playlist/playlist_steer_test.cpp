@@ -28,6 +28,8 @@ constexpr auto kTimeout = std::chrono::seconds(30);
 class PlaylistSteer : public testing::Test {
  protected:
   test::FakeShelf shelf;
+  ItemOpener open = shelf.opener();
+  std::atomic<uint64_t> rounds{1};  ///< that the sound of an item was told
   std::shared_ptr<test::RememberingRecorder> recorder =
       std::make_shared<test::RememberingRecorder>();
   PlaybackControl control;
@@ -41,7 +43,7 @@ class PlaylistSteer : public testing::Test {
     source = std::make_unique<PlaylistSource>(
         std::make_shared<const Playlist>(std::move(list)),
         PlaylistSourceOptions{
-            .panel = kItemSize, .open = shelf.opener(), .left_item = [this](uint32_t number) {
+            .panel = kItemSize, .open = open, .left_item = [this](uint32_t number) {
               return control.left_item(number);
             }});
     source->open_first();
@@ -277,6 +279,19 @@ TEST_F(PlaylistSteer, TheNumberOfLoopsCanBeReduced) {
   player.join();
   EXPECT_EQ(result.outcome, PlayOutcome::Finished);
   EXPECT_EQ(result.report.pace.shown % 10, 0u) << "to the end of a round";
+}
+
+TEST_F(PlaylistSteer, TheSoundOfAnItemFollowsItsNumberOfLoops) {
+  open = [this, opener = shelf.opener()](const PlaylistItem& item, uint64_t first_frame) {
+    OpenedSource opened = opener(item, first_frame);
+    opened.begin_sound = [this](uint64_t, uint64_t wanted) { rounds = wanted; };
+    return opened;
+  };
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 10}});
+  start(playlist_of(parse_source("a"), 1'000'000));
+  ASSERT_TRUE(test::comes_true([&] { return rounds == 1'000'000; }));
+  source->set_loops(kForever);
+  EXPECT_TRUE(test::comes_true([&] { return rounds == kForever; }));
 }
 
 TEST_F(PlaylistSteer, AnInterruptionReturnsToTheDisplayedFrame) {

@@ -122,12 +122,12 @@ class Sound : public testing::Test {
   /// Writes what a decoder would write.
   void decode() {
     for (auto& [item, made] : items) {
-      frames::SoundRing decoder(UniqueFd(::dup(made.ring.fd())), kSoundChannels);
-      std::vector<float> piece;
+      frames::SoundRing decoder(UniqueFd(::dup(made.ring.fd())));
+      std::vector<frames::SoundRing::Frame> piece;
       const uint64_t round = made.frames * 800;
       for (uint64_t left = decodes() ? decoder.room() : 0; left > 0; --left, ++written[item]) {
         const float x = film(item, round == 0 ? written[item] : written[item] % round);
-        piece.insert(piece.end(), {x, x});
+        piece.push_back({x, x});
       }
       decoder.write(piece);
     }
@@ -350,6 +350,21 @@ TEST_F(Sound, ALateDecoderIsSilenceAndTheFilmGoesOn) {
   EXPECT_LT(worst(7.0), 0.001) << "in step again once the decoder goes on";
 }
 
+TEST_F(Sound, TheLengthOfARoundIsKnownThoughItsLastFrameIsDroppedOnce) {
+  FlashSource source;
+  source.frames = 60;
+  source.rounds = 3;
+  source.is_late = [this](uint64_t pulled) {
+    return pulled == 119 && clock->now() < milliseconds(2200);
+  };
+  options.late = LatePolicy::Drop;
+  const PlayResult result = play_film(source);
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_GT(result.report.pace.dropped, 0U);
+  EXPECT_EQ(sound.anchor.read().round, 2U);
+  EXPECT_EQ(sound.anchor.read().round_frames, 60U);
+}
+
 TEST_F(Sound, StopsWithAPictureThatDoesNotComeAndGoesOnWithIt) {
   add_sound(0, 600);
   film = [](uint64_t item, uint64_t place) { return click(item, place) + 0.01F; };
@@ -385,17 +400,17 @@ TEST_F(Sound, DoesNotClickWhereItIsInterrupted) {
 
 TEST_F(Sound, VolumeIsInTheGainOfItemAndPlayer) {
   add_sound(0, 120);
-  items[0].gain = 0.5F;
-  mixer.set_volume(0.5F);
+  items[0].volume_db = -6.0206;
+  mixer.volume_db = -6.0206;
   film = [](uint64_t, uint64_t) { return 0.8F; };
   FlashSource source;
   EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
-  EXPECT_FLOAT_EQ(heard[40'000], 0.2F);
+  EXPECT_NEAR(heard[40'000], 0.2F, 1e-5F);
 }
 
 TEST_F(Sound, SamplesOfADecoderThatLiesStaySamples) {
   add_sound(0, 120);
-  mixer.set_volume(4.0F);
+  mixer.volume_db = 12.0;
   film = [](uint64_t, uint64_t place) {
     return place % 3 == 0 ? NAN : place % 3 == 1 ? 1e30F : -INFINITY;
   };
