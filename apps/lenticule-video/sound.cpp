@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <span>
 #include <string>
@@ -196,6 +197,9 @@ class SoundFeed {
     const int error = swr_alloc_set_opts2(&made, &to, AV_SAMPLE_FMT_FLT, kRate, &from,
                                           static_cast<AVSampleFormat>(format_), rate_, 0, nullptr);
     swr_.reset(made);
+    // Mono is as loud on both sides as in the file, not 3 dB below.
+    if (from.nb_channels == 1 && made != nullptr)
+      (void)av_opt_set_double(made, "rematrix_volume", std::numbers::sqrt2, 0);
     if (error < 0 || swr_init(made) < 0)
       fail(request_.file, "its sound cannot be converted", "convert it, for example to FLAC");
   }

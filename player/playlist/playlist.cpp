@@ -30,10 +30,10 @@ constexpr double kMaxSeconds = 1e6;
 constexpr size_t kMaxSourceBytes = 4096;
 constexpr std::array<std::string_view, 7> kDays = {"mon", "tue", "wed", "thu", "fri", "sat", "sun"};
 constexpr int kMinutesPerDay = 24 * 60;
-constexpr int kMinutesPerWeek = 7 * kMinutesPerDay;
 constexpr int kLongestSearchDays = 3653;
 constexpr std::chrono::sys_days kFirstMonday = std::chrono::year(1969) / 12 / 29;
 constexpr std::chrono::year kEveryYear(0);
+constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 
 }  // namespace
 
@@ -155,8 +155,11 @@ Playlist playlist_of(const SourceSpec& source, uint64_t rounds) {
 
 bool Playlist::in_round(size_t index, uint64_t round) const {
   const uint64_t most = std::ranges::max(items, {}, &PlaylistItem::weight).weight;
-  const uint64_t weight = items[index].weight, place = round + index;
-  return place * weight / most != (place + 1) * weight / most;
+  // The first of the lighter items is in round 0, the second in round 1, ...
+  const auto lighter = static_cast<uint64_t>(
+      std::count_if(items.begin(), items.begin() + static_cast<ptrdiff_t>(index),
+                    [most](const PlaylistItem& item) { return item.weight < most; }));
+  return (round + lighter * (most - 1)) * items[index].weight % most < items[index].weight;
 }
 
 std::vector<size_t> Playlist::order(uint64_t round) const {
@@ -186,18 +189,19 @@ size_t Playlist::beside(size_t index, int64_t step, uint64_t round) const {
 
 NextItem next_item(const Playlist& list, std::optional<size_t> after, uint64_t rounds_done,
                    LocalTime now) {
-  const bool any = list.items_scheduled(now) > 0;
+  const size_t scheduled = list.items_scheduled(now);
+  const auto last = list.shuffle && scheduled > 1 ? after : std::nullopt;  // not twice in a row
   // Each item is in at least one of kMaxWeight rounds.
   for (uint64_t round = rounds_done; round <= rounds_done + kMaxWeight && !list.items.empty();
        ++round, after.reset()) {
     const std::vector<size_t> order = list.order(round);
     auto item = after ? std::ranges::find(order, *after) + 1 : order.begin();
     for (; item != order.end(); ++item)
-      if (list.items[*item].permitted(now) && list.in_round(*item, round))
+      if (list.items[*item].permitted(now) && list.in_round(*item, round) && *item != last)
         return {.kind = NextItem::Kind::Item, .index = *item, .rounds_done = round};
     if (list.rounds != kForever && round + 1 >= list.rounds)
       return {.kind = NextItem::Kind::End, .index = 0, .rounds_done = round + 1};
-    if (!any) break;
+    if (scheduled == 0) break;
   }
   return {.kind = NextItem::Kind::None, .rounds_done = rounds_done};
 }
@@ -214,7 +218,7 @@ std::string reason_to_wait(const Playlist& list, LocalTime now) {
   const int begin = now.minute + *wait, day = now.day + begin / kMinutesPerDay;
   constexpr std::array<const char*, 7> kNames = {"Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"};
   const std::string date =
-      *wait < kMinutesPerWeek ? "" : to_string(DateSpan{date_of(day), date_of(day)}) + " ";
+      day - now.day < 7 ? "" : to_string(DateSpan{date_of(day), date_of(day)}) + " ";
   return fmt::format("no item is scheduled before {} {}{:02}:{:02}",
                      kNames.at(static_cast<size_t>(LocalTime{.day = day}.weekday())), date,
                      begin % kMinutesPerDay / 60, begin % 60);
@@ -293,7 +297,7 @@ class Reader {
   }
   /// Reads an M3U list: a file or its URI per line, after an optional "#EXTINF:SECONDS,TITLE".
   [[nodiscard]] Playlist read_m3u(std::string_view text) const {
-    constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF", kSeconds = "#EXTINF:";
+    constexpr std::string_view kSeconds = "#EXTINF:";
     Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = kForever};
     std::optional<double> still_s;
     if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
@@ -510,7 +514,7 @@ class Reader {
       else if (key.str() == "to")
         schedule.to_minute = minute(value);
       else if (key.str() == "dates")
-        schedule.dates = dates(value);
+        schedule.dates = dates_or_fail(value);
       else if (key.str() == "except")
         schedule.except = dates(value);
       else
@@ -533,6 +537,12 @@ class Reader {
     }
     return bits;
   }
+  /// An export of dates that went wrong does not permit every day.
+  [[nodiscard]] std::vector<DateSpan> dates_or_fail(const toml::node& node) const {
+    std::vector<DateSpan> spans = dates(node);
+    if (spans.empty()) fail(node, "dates: there is none", "leave dates out to play on every day");
+    return spans;
+  }
   /// Reads a list of dates, or the name of a file with one in each line, before blanks and a "#".
   [[nodiscard]] std::vector<DateSpan> dates(const toml::node& node) const {
     std::vector<DateSpan> spans;
@@ -549,13 +559,23 @@ class Reader {
       for (const toml::node& one : *array) add(text(one), "");
       return spans;
     }
+    if (const auto one = parse_dates(text(node))) return {*one};
     const std::filesystem::path file = folder_ / text(node);
-    const std::string lines = read_text_file(file, kMaxPlaylistBytes);
+    const std::string lines = [&] {
+      try {
+        return read_text_file(file, kMaxPlaylistBytes);
+      } catch (const Error& error) {
+        fail(node, error.what(),
+             "write a list of dates, or the name of a file with one in each line");
+      }
+    }();
     std::string_view rest = lines;
+    if (rest.starts_with(kByteOrderMark)) rest.remove_prefix(kByteOrderMark.size());
     for (int line = 1; !rest.empty(); ++line) {
       std::string_view text = take_until(rest, '\n');
       text = text.substr(0, text.find('#'));
       text = text.substr(0, text.find_last_not_of(" \t\r") + 1);
+      text.remove_prefix(std::min(text.size(), text.find_first_not_of(" \t")));
       if (!text.empty()) add(text, fmt::format("{}:{}: ", file.string(), line));
     }
     return spans;

@@ -265,7 +265,11 @@ void plan_sound(const PlayFlags& flags, PlayPlan& plan) {
   if (!flags.sound.empty() && flags.sound != "none" && !mark_of(flags.sound).there)
     throw Error(ErrorKind::Input, fmt::format("--sound {}: no such file", flags.sound),
                 "name a file with sound, or none");
-  if (flags.preflight) options.device = "none";
+  const bool silent_list = plan.source.kind == SourceKind::List && !flags.sound.empty();
+  if (silent_list && flags.sound != "none")
+    throw Error(ErrorKind::Usage, "--sound: items of a list have their own sound",
+                "write sound = \"FILE\" to the item, or use --sound none");
+  if (flags.preflight || silent_list) options.device = "none";
   plan.sound = std::make_shared<SoundPlayer>(std::move(options));
 }
 
@@ -278,7 +282,8 @@ void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   if (layout != ContentFlags{} && !source.has_pictures())
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: flags for the layout of views need a single file", source.text),
-                "items of a list state their layout in names or sidecars: docs/content/content.md");
+                "items of a list have keys for it: grid = \"8x6\", stereo = \"sbs\" "
+                "(docs/play/control.md)");
   (void)weave_options(flags.weaving);  // called early for its errors
   plan.context.weaving = flags.weaving;
 }

@@ -160,10 +160,11 @@ std::unique_ptr<SoundDevice> record_wav(const std::string& file) {
     }
   };
   const auto wav = std::make_shared<Wav>();
-  wav->out = std::fopen(file.c_str(), "wbe");
+  wav->out = std::fopen(file.c_str(), "wbxe");
   if (wav->out == nullptr)
     throw Error(ErrorKind::Failed, fmt::format("{}: {}", file, std::strerror(errno)),
-                "name a file in a folder that you may write to");
+                errno == EEXIST ? "remove it, or name another file"
+                                : "name a file in a folder that you may write to");
   wav->write_header();
   return std::make_unique<SoundRecorder>("file:" + file, [wav](std::span<const float> block) {
     std::array<int16_t, kSoundBlock * kSoundChannels> codes{};

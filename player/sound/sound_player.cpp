@@ -178,8 +178,9 @@ std::function<void(uint64_t, uint64_t)> SoundPlayer::open(const PlaylistItem& it
                                                           const frames::FrameSource& source) try {
   const auto found = find_sound(item, options_);
   if (!found) return nullptr;
-  if (!options_.track.empty() && !number_from<int>(options_.track) &&
-      !is_language(found->stream.language, options_.track))
+  if (const auto index = number_from<int>(options_.track);
+      !options_.track.empty() && (index ? found->stream.index != *index
+                                        : !is_language(found->stream.language, options_.track)))
     complain(fmt::format("{}: has no sound in '{}'; its first sound is played", found->file,
                          options_.track));
   // A source is closed when its last frame is copied; the sound stays until another is heard.

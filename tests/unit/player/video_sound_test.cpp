@@ -139,6 +139,16 @@ TEST_F(FilmSound, EveryCodecClicksInEveryRoundAtItsPlace) {
   }
 }
 
+TEST_F(FilmSound, MonoIsAsLoudAsInTheFile) {
+  write_film("mono.mkv", "-c:a flac");
+  start();
+  const auto sound = open(film("mono.mkv"));
+  ASSERT_NE(sound, nullptr);
+  sound(0, 1);
+  show(0, 0, 0, 60);
+  EXPECT_NEAR(std::ranges::max(heard), 0.5F, 0.02F);
+}
+
 TEST_F(FilmSound, PlaysTheRoundsThatAreWantedNow) {
   write_film("film.mkv", "-c:a flac");
   start();

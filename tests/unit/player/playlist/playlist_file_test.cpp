@@ -200,9 +200,16 @@ TEST(PlaylistFile, ReadsDatesFromTheListOrFromAFile) {
   EXPECT_EQ(to_string(from_file.except[0]), "12-24..12-26");
   EXPECT_EQ(to_string(from_file.except[1]), "2027-05-01");
   EXPECT_EQ(from_file, read("except = [\"12-24..12-26\", \"2027-05-01\"]"));
-  EXPECT_TRUE(read("dates = []").permits({0, 0}));
+  EXPECT_EQ(read("dates = \"2027-05-01\"").dates, read("dates = [\"2027-05-01\"]").dates);
+  std::ofstream(folder / "windows.txt") << "\xEF\xBB\xBF  2027-05-01\r\n";
+  EXPECT_EQ(read("dates = \"windows.txt\"").dates, read("dates = [\"2027-05-01\"]").dates);
+  std::ofstream(folder / "empty.txt") << "# none\n";
+  EXPECT_TRUE(read("except = \"empty.txt\"").except.empty());
+  for (const char* const none : {"dates = []", "dates = \"empty.txt\""})
+    EXPECT_THAT(test::error_of([&] { (void)read(none); }).what(),
+                testing::HasSubstr("list.toml:3: dates: there is none"));
   EXPECT_THAT(test::error_of([&] { (void)read("dates = \"none.txt\""); }).what(),
-              testing::HasSubstr("none.txt"));
+              testing::AllOf(testing::StartsWith("list.toml:3: "), testing::HasSubstr("none.txt")));
   std::ofstream(folder / "wrong.txt") << "2027-05-01\nsoon\n";
   EXPECT_THAT(test::error_of([&] { (void)read("dates = \"wrong.txt\""); }).what(),
               testing::HasSubstr("wrong.txt:2: 'soon' is no date"));
@@ -310,6 +317,10 @@ TEST(PlaylistOrder, NamesTheNextPermittedDate) {
   list.items[0].schedule = Schedule{.from_minute = 600, .dates = {*parse_dates("2026-12-24")}};
   EXPECT_EQ(reason_to_wait(list, at("2026-11-29", 700)),
             "no item is scheduled before Thu 2026-12-24 10:00");
+  list.items[0].schedule->dates[0] = *parse_dates("2026-12-06");
+  EXPECT_EQ(reason_to_wait(list, at("2026-11-29", 700)),
+            "no item is scheduled before Sun 2026-12-06 10:00");
+  list.items[0].schedule->dates[0] = *parse_dates("2026-12-24");
   EXPECT_EQ(reason_to_wait(list, at("2026-12-23", 700)), "no item is scheduled before Thu 10:00");
   EXPECT_EQ(reason_to_wait(list, at("2026-12-25", 0)), "no item is scheduled any more");
 }
@@ -357,6 +368,20 @@ TEST(PlaylistOrder, WeightsSpreadTheLighterItemsOverTheRounds) {
     for (const size_t item : round) ++times[item];
   }
   EXPECT_THAT(times, testing::ElementsAre(30, 10, 10, 10));
+  list.items[0].weight = 1;
+  list.items[2].weight = 3;
+  EXPECT_EQ(played(list, 3), (std::vector<std::vector<size_t>>{{0, 2}, {1, 2}, {2, 3}}))
+      << "the first item opens";
+  list.items[2].weight = 1;
+  list.items[0].weight = 3;
+  list.shuffle = 7;
+  std::optional<size_t> last;
+  for (const std::vector<size_t>& round : played(list, 300))
+    for (const size_t item : round) {
+      EXPECT_NE(item, last);
+      last = item;
+    }
+  list.shuffle.reset();
   list.items[1].weight = 100;
   list.items[0].schedule = Schedule{.from_minute = 600};
   list.items[1].schedule = Schedule{.from_minute = 600};
