@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that a FlatView is a pinhole camera.
+#include "apps/lenticule-tools/offline/thumbnail.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
-
-#include "apps/lenticule-tools/offline/thumbnail.h"
 
 namespace lenticule::tools {
 namespace {
