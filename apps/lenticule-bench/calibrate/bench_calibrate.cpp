@@ -20,8 +20,8 @@
 #include <optional>
 
 #include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-bench/harness/svg_plot.h"
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
-#include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "lab/panel/stress_cases.h"
@@ -41,7 +41,6 @@ using lab::Trial;
 using lab::TrialResult;
 using lab::WrongWay;
 using nlohmann::json;
-using tools::PlotSeries;
 
 struct CalibrateFlags {
   int draws = 10;
@@ -441,11 +440,10 @@ void print_hand_summary(const json& summary) {
 }
 
 void write_plot(const json& rows, const json& summary, const std::string& file) {
-  tools::Plot plot{
-      .title = "hand-held photographs: error over the panel for eyes of the viewing zone",
-      .x = {.label = "photographs", .scale = tools::AxisScale::Linear},
-      .y = {.label = "lenses", .scale = tools::AxisScale::Log},
-      .series = {}};
+  Plot plot{.title = "hand-held photographs: error over the panel for eyes of the viewing zone",
+            .x = {.label = "photographs", .scale = AxisScale::Linear},
+            .y = {.label = "lenses", .scale = AxisScale::Log},
+            .series = {}};
   PlotSeries accepted{.label = "accepted", .points = {}, .joined = false};
   PlotSeries refused{.label = "refused", .points = {}, .joined = false};
   PlotSeries median{.label = "median", .points = {}}, stated{.label = "stated", .points = {}};

@@ -21,8 +21,8 @@
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"
+#include "apps/lenticule-bench/harness/svg_plot.h"
 #include "apps/lenticule-bench/realtime/live_renderer.h"
-#include "apps/lenticule-tools/cli/svg_plot.h"
 #include "apps/lenticule-tools/offline/film_renderer.h"
 #include "base/error.h"
 #include "base/print.h"
@@ -350,8 +350,6 @@ json measure_realtime(const LiveSetup& setup, const PlayerSetup& player) {
   return figures;
 }
 
-using tools::PlotSeries;
-
 double number(const json& from, const char* key) {
   return from.at(key).get<double>();
 }
@@ -450,14 +448,14 @@ void print_realtime_table(const json& runs) {
 }  // namespace
 
 void plot_realtime(const json& run, const std::string& file) {
-  tools::Plot plot{.title = fmt::format("{}, {} x {}, {}", run.at("scene").get<std::string>(),
-                                        run.at("width").get<int>(), run.at("height").get<int>(),
-                                        run.at("method").get<std::string>()),
-                   .x = {.label = "seconds"},
-                   .y = {.label = "frames/s, code values", .scale = tools::AxisScale::Log},
-                   .series = {course_series(run, "frames/s", "frames_per_s"),
-                              course_series(run, "tolerated E", "tolerated_error"),
-                              course_series(run, "RMSE, audit", "audited_rmse")}};
+  Plot plot{.title = fmt::format("{}, {} x {}, {}", run.at("scene").get<std::string>(),
+                                 run.at("width").get<int>(), run.at("height").get<int>(),
+                                 run.at("method").get<std::string>()),
+            .x = {.label = "seconds"},
+            .y = {.label = "frames/s, code values", .scale = AxisScale::Log},
+            .series = {course_series(run, "frames/s", "frames_per_s"),
+                       course_series(run, "tolerated E", "tolerated_error"),
+                       course_series(run, "RMSE, audit", "audited_rmse")}};
   PlotSeries measured{.label = "RMSE, measured", .points = {}, .joined = false};
   for (const json& sample : run.at("samples"))
     if (const double mse = number(sample, "mse"); mse > 0.0)

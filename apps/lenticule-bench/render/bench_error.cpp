@@ -12,9 +12,9 @@
 #include <set>
 
 #include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-bench/harness/svg_plot.h"
 #include "apps/lenticule-bench/render/bench_exact.h"
 #include "apps/lenticule-tools/cli/render_flags.h"
-#include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/print.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
@@ -188,8 +188,6 @@ void summarize_errors(json& scenario, const json& tachyon) {
 
 namespace {
 
-using tools::PlotSeries;
-
 void print_times(const json& methods) {
   constexpr Column kColumns[] = {{"time", "name"},
                                  {"ms/frame", "seconds_per_frame", "{:.2f}", 1e3},
@@ -244,7 +242,7 @@ void print_errors(const json& methods) {
 /// Position in the plot of frames equal to full's, whose PSNR is infinite.
 constexpr double kEqualDb = 80.0;
 
-PlotSeries& series_of(tools::Plot& plot, const std::string& name) {
+PlotSeries& series_of(Plot& plot, const std::string& name) {
   const auto found = std::ranges::find(plot.series, name, &PlotSeries::label);
   if (found != plot.series.end()) return *found;
   return plot.series.emplace_back(PlotSeries{.label = name, .points = {}, .joined = false});
@@ -283,10 +281,10 @@ void print_bound_of_all(const json& scenarios) {
 }
 
 void plot_errors(const json& scenarios, const std::string& file) {
-  tools::Plot plot{.title = "Time against error, each scene, rig and course",
-                   .x = {.label = "time, as a share of full's", .scale = tools::AxisScale::Log},
-                   .y = {.label = fmt::format("mean PSNR, dB ({:.0f}: equal, or more)", kEqualDb)},
-                   .series = {}};
+  Plot plot{.title = "Time against error, each scene, rig and course",
+            .x = {.label = "time, as a share of full's", .scale = AxisScale::Log},
+            .y = {.label = fmt::format("mean PSNR, dB ({:.0f}: equal, or more)", kEqualDb)},
+            .series = {}};
   for (const json& scenario : scenarios)
     for (const json& m : scenario["methods"]) {
       if (!m.contains("psnr_mean_db") || m["of_full"].is_null()) continue;

@@ -19,7 +19,7 @@
 #include <thread>
 
 #include "apps/lenticule-bench/harness/bench_scene.h"
-#include "apps/lenticule-tools/cli/svg_plot.h"
+#include "apps/lenticule-bench/harness/svg_plot.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
@@ -263,8 +263,6 @@ void print_upright(const nlohmann::json& r) {
 // lenticule bench exact --scaling and --growth measure how the cost grows with threads, subpixels,
 // triangles, lights and the pitch of the lenses.
 
-using tools::AxisScale;
-
 /// A series of setups; the growing quantity is read from the resulting scene.
 struct Growth {
   const char* name;
@@ -274,7 +272,7 @@ struct Growth {
   std::vector<BenchSetup> steps;
 };
 
-void write_plot(const ExactFlags& flags, const std::string& name, const tools::Plot& plot) {
+void write_plot(const ExactFlags& flags, const std::string& name, const Plot& plot) {
   if (!flags.plots.empty())
     write_svg(plot, (std::filesystem::path(flags.plots) / (name + ".svg")).string());
 }
@@ -289,8 +287,8 @@ nlohmann::json row_of(double x, uint64_t subpixels, const CaseTimes& times) {
                                     static_cast<double>(std::max<uint64_t>(1, subpixels))}};
 }
 
-tools::PlotSeries series_of(const nlohmann::json& rows, const char* key, std::string label) {
-  tools::PlotSeries series{.label = std::move(label), .points = {}};
+PlotSeries series_of(const nlohmann::json& rows, const char* key, std::string label) {
+  PlotSeries series{.label = std::move(label), .points = {}};
   for (const auto& row : rows)
     series.points.push_back({row["x"].get<double>(), row[key].get<double>()});
   return series;
@@ -394,7 +392,7 @@ nlohmann::json measure(const ExactFlags& flags, const Growth& growth) {
 
 void plot_growth(const ExactFlags& flags, const Growth& growth, const nlohmann::json& measured) {
   const auto& rows = measured["rows"];
-  tools::Plot plot;
+  Plot plot;
   plot.title = fmt::format("Cost per subpixel by {}", growth.name);
   plot.x = {.label = growth.x_label, .scale = growth.x_scale};
   // Proportional growth along a linear x axis is visible only with a linear y axis.
@@ -406,7 +404,7 @@ void plot_growth(const ExactFlags& flags, const Growth& growth, const nlohmann::
 
 nlohmann::json measure_scaling(const ExactFlags& flags) {
   nlohmann::json all = nlohmann::json::array();
-  tools::Plot plot;
+  Plot plot;
   plot.title = "Speed-up of the whole frame";
   plot.x.label = "threads";
   plot.y.label = "times as fast as one thread";

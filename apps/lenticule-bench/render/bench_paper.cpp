@@ -15,9 +15,9 @@
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"
+#include "apps/lenticule-bench/harness/svg_plot.h"
 #include "apps/lenticule-bench/render/bench_error.h"
 #include "apps/lenticule-bench/render/bench_exact.h"
-#include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
@@ -225,11 +225,10 @@ void print_method_table(const nlohmann::json& summary) {
 }
 
 void plot_summary(const nlohmann::json& summary, const std::string& folder) {
-  tools::Plot plot{
-      .title = fmt::format("{}: time against error", summary["scene"].get<std::string>()),
-      .x = {.label = "milliseconds per frame"},
-      .y = {.label = "RMSE of the mean PSNR, code values"},
-      .series = {}};
+  Plot plot{.title = fmt::format("{}: time against error", summary["scene"].get<std::string>()),
+            .x = {.label = "milliseconds per frame"},
+            .y = {.label = "RMSE of the mean PSNR, code values"},
+            .series = {}};
   for (const nlohmann::json& m : summary["methods"]) {
     const nlohmann::json psnr = m.value("psnr_mean_db", nlohmann::json());
     const double rmse = psnr.is_null() ? 0.0 : 255.0 * std::pow(10.0, -psnr.get<double>() / 20.0);

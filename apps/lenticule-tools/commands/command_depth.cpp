@@ -8,7 +8,6 @@
 #include <memory>
 
 #include "apps/lenticule-tools/cli/render_flags.h"
-#include "apps/lenticule-tools/cli/svg_plot.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
@@ -31,7 +30,6 @@ struct DepthFlags {
   std::string fps = "30";
   StagingFlags staging;
   int threads = 0;
-  std::string svg;
   std::string picture;
   bool json = false;
 };
@@ -151,36 +149,11 @@ void print_report(const nlohmann::json& r) {
   print_histogram(r);
 }
 
-/// Plots the histogram as steps.
-void write_plot(const nlohmann::json& r, const std::string& file) {
-  PlotSeries series{.label = "subpixels", .points = {}};
-  double end = 0.0;
-  for (const auto& bin : r["bins"]) {
-    const auto begin = bin["begin"].get<double>();
-    const double percent = 100.0 * bin["subpixels"].get<double>() / r["subpixels"].get<double>();
-    if (!series.points.empty() && begin > end) {
-      series.points.push_back({end, 0.0});
-      series.points.push_back({begin, 0.0});
-    }
-    end = bin["end"].get<double>();
-    series.points.push_back({begin, percent});
-    series.points.push_back({end, percent});
-  }
-  if (series.points.empty()) series.points = {{-1.0, 0.0}, {1.0, 0.0}};
-  PlotSeries budget{.label = "depth of field", .points = {{-1.0, 0.0}, {1.0, 0.0}}};
-  write_svg({.title = r["scene"].get<std::string>(),
-             .x = {.label = "depths of field in front of (+) and behind (-) the panel"},
-             .y = {.label = "subpixels, %"},
-             .series = {series, budget}},
-            file);
-}
-
 ExitCode run_depth(DepthFlags& flags) {
   if (!flags.picture.empty()) frames::check_writable_format(flags.picture);
   const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
   const Measured measured = measure(flags, model);
   const nlohmann::json report = report_json(flags, model, measured);
-  if (!flags.svg.empty()) write_plot(report, flags.svg);
   if (flags.json)
     print_json(report);
   else
@@ -203,7 +176,6 @@ cli::Run declare_depth(CLI::App& app) {
   app.add_option("--threads", flags->threads, "0 means all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app.add_option("--svg", flags->svg, "file for a plot of the table")->type_name("FILE");
   app.add_option(
          "--picture", flags->picture,
          "picture of how deep the first frame is\n"

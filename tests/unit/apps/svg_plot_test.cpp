@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/lenticule-tools/cli/svg_plot.h"
+#include "apps/lenticule-bench/harness/svg_plot.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
 
-namespace lenticule::tools {
+namespace lenticule::bench {
 namespace {
 
 using ::testing::ElementsAre;
@@ -93,4 +93,4 @@ TEST(SvgPlot, LabelsEverythingAndEscapesText) {
 }
 
 }  // namespace
-}  // namespace lenticule::tools
+}  // namespace lenticule::bench

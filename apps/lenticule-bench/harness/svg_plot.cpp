@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/lenticule-tools/cli/svg_plot.h"
+#include "apps/lenticule-bench/harness/svg_plot.h"
 
 #include <fmt/format.h>
 
@@ -13,7 +13,7 @@
 #include "base/error.h"
 #include "base/text.h"
 
-namespace lenticule::tools {
+namespace lenticule::bench {
 namespace {
 
 constexpr double kWidth = 720.0;
@@ -231,4 +231,4 @@ void write_svg(const Plot& plot, const std::string& file) {
   if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
 }
 
-}  // namespace lenticule::tools
+}  // namespace lenticule::bench

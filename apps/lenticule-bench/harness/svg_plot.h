@@ -7,7 +7,7 @@
 
 #include "optics/vec.h"
 
-namespace lenticule::tools {
+namespace lenticule::bench {
 
 enum class AxisScale { Linear, Log };
 
@@ -44,4 +44,4 @@ struct Plot {
 /// Writes svg_of(plot). Throws Error(Failed) if the file cannot be written.
 void write_svg(const Plot& plot, const std::string& file);
 
-}  // namespace lenticule::tools
+}  // namespace lenticule::bench
