@@ -260,7 +260,7 @@ class SoundFeed {
   AVStream* pictures_ = nullptr;
   AvCodec codec_;
   SwResampler swr_;
-  int format_ = 0, rate_ = 0, file_channels_ = 0;  ///< of the run
+  int format_ = 0, rate_ = 0, file_channels_ = 0;  ///< format of the run
   std::vector<Frame> samples_, held_;
   int64_t at_ = 0;                ///< place in the file of the next sample of the ring
   int64_t end_ = 0;               ///< place at which the round ends

@@ -739,7 +739,7 @@ class Joint {
   VectorXd values_;
   VectorXd means_;  ///< means of the priors of camera and sheet
   double focal_sigma_;
-  double cost_ = 0.0;  ///< of the last solution
+  double cost_ = 0.0;  ///< cost of the last solution
   std::vector<double> phase_sigma_, corner_sigma_;
 };
 

@@ -70,10 +70,10 @@ struct PlaylistItem {
   /// Starts the item only when its pool is full, instead of with the first due frame.
   bool waits_until_primed = false;
   double wait_s = 10.0;    ///< seconds without a frame after which the item is skipped
-  uint64_t weight = 1;     ///< how often the item is played, relative to others of its list
+  uint64_t weight = 1;     ///< plays of the item, relative to others of its list
   std::string fit{};       ///< as --fit; empty: that of the command
   std::string sound{};     ///< file of the item's sound, "none", or empty: as found
-  double volume_db = 0.0;  ///< of its sound
+  double volume_db = 0.0;  ///< volume of its sound
   std::string reason{};    ///< text of a test card: why the items cannot be played
 
   friend bool operator==(const PlaylistItem&, const PlaylistItem&) = default;

@@ -20,7 +20,8 @@ namespace lenticule::player {
 inline constexpr int kSoundRate = frames::SoundRing::kRate;
 inline constexpr int kSoundChannels = frames::SoundRing::kChannels;
 inline constexpr size_t kSoundBlock = 256;  ///< frames that are computed at once, 5.3 ms
-inline constexpr std::chrono::milliseconds kSoundAhead{20};  ///< that a recorder is filled ahead
+/// Time by which a recorder is filled ahead.
+inline constexpr std::chrono::milliseconds kSoundAhead{20};
 
 using display::Nanoseconds;
 

@@ -128,7 +128,7 @@ class SoundMixer {
     return std::abs(speed_of(anchor) / fps.hertz() - 1.0) <= kMostLocked;
   }
 
-  std::atomic<double> volume_db{0.0};  ///< that of the item is added
+  std::atomic<double> volume_db{0.0};  ///< volume, to which that of the item is added
 
  private:
   static constexpr int kTaps = 32, kBefore = kTaps / 2 - 1, kPhases = 256;
@@ -251,7 +251,7 @@ class SoundMixer {
   SoundCounts counts_;
   std::array<std::array<float, kTaps>, kPhases + 1> filter_{};
 
-  uint64_t serial_ = 0;  ///< of the samples that are played; 0: none
+  uint64_t serial_ = 0;  ///< number of the samples that play; 0: none
   uint64_t cut_ = 0;
   double at_ = 0.0;     ///< frame of the ring that is heard next
   double speed_ = 1.0;  ///< with the correction
@@ -260,7 +260,7 @@ class SoundMixer {
   uint64_t since_jump_ = 0;
   float gain_ = 0.0F;
   size_t fade_in_ = 0;  ///< frames until the sound has its full volume
-  std::array<float, kFade * kSoundChannels> tail_{};  ///< what fades out, from tail_at_ on
+  std::array<float, kFade * kSoundChannels> tail_{};  ///< samples that fade out, from tail_at_ on
   size_t tail_at_ = kFade * kSoundChannels;
 };
 

@@ -104,7 +104,7 @@ struct SoundPlayer::Item {
   const FoundSound found;
   const uint64_t first_frame;
   std::optional<frames::Rate> fps;  ///< none: a still picture
-  uint64_t frames = 0;              ///< of a round; 0: not known yet
+  uint64_t frames = 0;              ///< pictures of a round; 0: not known yet
   std::atomic<uint64_t> number{SoundSlot::kNoItem};
   SoundSlot* slot = nullptr;  ///< null: no device, or too many items
   std::unique_ptr<Decoder> decoder;

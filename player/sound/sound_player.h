@@ -34,7 +34,7 @@ struct SoundOptions {
   std::string device = "none";
   std::string track{};  ///< language or index of the stream; empty: the first
   double volume_db = 0.0;
-  Nanoseconds delay{0};             ///< by which the panel shows a picture after its vblank
+  Nanoseconds delay{0};             ///< time by which the panel shows a picture after its vblank
   bool simulated = false;           ///< the presenter advances the sound
   std::filesystem::path program{};  ///< lenticule-video; empty = search for it
   std::function<std::unique_ptr<SoundDevice>()> open{};  ///< replaces the device in tests
@@ -103,7 +103,7 @@ class SoundPlayer : public std::enable_shared_from_this<SoundPlayer> {
   std::vector<Item*> items_;
   std::string device_name_;  ///< empty while there is none
   uint64_t serials_ = 0;
-  uint64_t restarts_ = 0, damaged_ = 0;      ///< of decoders that have ended
+  uint64_t restarts_ = 0, damaged_ = 0;      ///< counts of decoders that have ended
   std::vector<std::unique_ptr<Item>> left_;  ///< items that were closed, and may be heard
   mutable std::mutex complaints_mutex_;      ///< guards the members below
   std::set<std::string> complaints_;         ///< each is printed once

@@ -29,7 +29,7 @@ class PlaylistSteer : public testing::Test {
  protected:
   test::FakeShelf shelf;
   ItemOpener open = shelf.opener();
-  std::atomic<uint64_t> rounds{1};  ///< that the sound of an item was told
+  std::atomic<uint64_t> rounds{1};  ///< rounds that the sound of an item was told
   std::shared_ptr<test::RememberingRecorder> recorder =
       std::make_shared<test::RememberingRecorder>();
   PlaybackControl control;
