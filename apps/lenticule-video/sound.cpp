@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule-video sound decodes a sound stream into a player's SoundRing.
 //
-// Each sample has one place, whatever the decoder and the file do. Time 0 of a file is its first
+// Each sample has one place, also after damage and in later rounds. Time 0 of a file is its first
 // picture, or its first sample if it has no pictures. Round k of a film of N frames begins at
 // sample floor(k N rate / fps), so that rounds join without a sample lost or added for ever. What
 // the file does not give at a place is silence: before its first sample, after its last, and where

@@ -34,7 +34,7 @@ class SoundRing {
   static constexpr int kRate = 48'000, kChannels = 2;
   static constexpr uint64_t kFrames = uint64_t{1} << 16;   ///< 1.4 s
   static constexpr uint64_t kHistory = uint64_t{1} << 14;  ///< 0.3 s of it are behind the player
-  static constexpr uint64_t kMost = uint64_t{1} << 40;     ///< of a number that the decoder states
+  static constexpr uint64_t kMost = uint64_t{1} << 40;     ///< largest number that is believed
   using Frame = std::array<float, kChannels>;
 
   /// Makes the player's ring, and gets its memory. Throws Error(Failed).

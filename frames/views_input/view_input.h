@@ -37,7 +37,7 @@ namespace lenticule::frames {
 ///
 /// Thread safety: one thread.
 struct ViewArrangement {
-  ViewShape shape;  ///< of all sets
+  ViewShape shape;  ///< shape of the views of all sets
   /// Arranges pictures of the sizes that the arrangement was made for. Throws at most
   /// std::bad_alloc.
   ///

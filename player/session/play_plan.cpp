@@ -274,7 +274,7 @@ void plan_sound(const PlayFlags& flags, PlayPlan& plan) {
 }
 
 /// Checks the flags that state how views are laid out in a single source; items of a list state
-/// that in their names.
+/// that in keys, names or sidecars.
 void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   const SourceSpec& source = plan.source;
   ContentFlags layout = source.content;

@@ -298,7 +298,7 @@ TEST_F(Sound, GoesWithThePictureAtAJump) {
   FlashSource source;
   source.frames = 1200;
   hook->before_vblank = [&](uint64_t sequence) {
-    // As far as the decoder is ahead; a jump within a film opens it again otherwise.
+    // Jumps no farther than the decoder is ahead; a farther jump opens the film again.
     if (sequence % 97 != 50 || jumps.size() == 10) return;
     source.jump_by(45);
     jumps.push_back(std::chrono::duration<double>(clock->now()).count());
