@@ -22,6 +22,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/packet.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
 #include "base/unix_address.h"
@@ -106,21 +107,9 @@ class JsonLineSocket {
   /// Reads what is there, and the descriptor that comes with it. Returns false at the end.
   [[nodiscard]] bool read_more() {
     std::array<char, 16384> bytes{};
-    iovec part{.iov_base = bytes.data(), .iov_len = bytes.size()};
-    alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
-    msghdr message{};
-    message.msg_iov = &part;
-    message.msg_iovlen = 1;
-    message.msg_control = control.data();
-    message.msg_controllen = control.size();
-    const ssize_t got = ::recvmsg(fd_.get(), &message, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
-    if (got < 0 && (errno == EAGAIN || errno == EINTR)) return true;
-    const cmsghdr* const header = got >= 0 ? CMSG_FIRSTHDR(&message) : nullptr;
-    if (header != nullptr && header->cmsg_level == SOL_SOCKET && header->cmsg_type == SCM_RIGHTS) {
-      int fd = -1;
-      std::memcpy(&fd, CMSG_DATA(header), sizeof fd);
-      descriptor_ = UniqueFd(fd);
-    }
+    const ssize_t got =
+        receive_packet(fd_.get(), bytes.data(), bytes.size(), &descriptor_, MSG_DONTWAIT);
+    if (got < 0 && errno == EAGAIN) return true;
     if (got <= 0 || in_.size() > options_.most_bytes) return false;
     in_.append(bytes.data(), static_cast<size_t>(got));
     return true;

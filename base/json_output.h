@@ -16,6 +16,12 @@ inline void print_json(const nlohmann::json& value) {
   print_out("{}\n", Verbatim{json_text(value, 2)});
 }
 
+/// Prints a result as JSON, or for people as `print_text` makes it from the JSON.
+template <class PrintText>
+void print_result(const nlohmann::json& value, bool as_json, const PrintText& print_text) {
+  as_json ? print_json(value) : print_text(value);
+}
+
 /// Returns `value`, or null for an infinite or undefined value, because JSON has no number for
 /// either.
 [[nodiscard]] inline nlohmann::json finite_or_null(double value) {

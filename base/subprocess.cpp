@@ -30,15 +30,10 @@ constexpr auto kKillTimeout = 5s;
 constexpr milliseconds kLook = 50ms;  ///< pause between two looks at the limit
 constexpr size_t kMostOutput = size_t{4} << 20;
 
-[[noreturn]] void cannot_start(const std::string& program, int error) {
-  throw Error(ErrorKind::Failed,
-              fmt::format("{}: cannot start: {}", program, std::strerror(error)));
-}
-
-/// SpawnActions prepares the descriptors of the new process.
-class SpawnActions {
+/// Spawn prepares the descriptors and the signals of the new process.
+class Spawn {
  public:
-  explicit SpawnActions(const std::vector<PassedDescriptor>& passed) {
+  explicit Spawn(const std::vector<PassedDescriptor>& passed) {
     posix_spawn_file_actions_init(&actions_);
     int highest = STDERR_FILENO;
     for (const PassedDescriptor& one : passed) highest = std::max(highest, one.there);
@@ -47,12 +42,27 @@ class SpawnActions {
     for (const PassedDescriptor& one : passed)
       posix_spawn_file_actions_adddup2(&actions_, above(one.here, highest), one.there);
     posix_spawn_file_actions_addclosefrom_np(&actions_, highest + 1);
+    sigset_t none;
+    sigset_t all;
+    sigemptyset(&none);
+    sigfillset(&all);
+    posix_spawnattr_init(&attributes_);
+    posix_spawnattr_setsigmask(&attributes_, &none);
+    posix_spawnattr_setsigdefault(&attributes_, &all);
+    posix_spawnattr_setflags(
+        &attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
   }
-  ~SpawnActions() { posix_spawn_file_actions_destroy(&actions_); }
-  SpawnActions(const SpawnActions&) = delete;
-  SpawnActions& operator=(const SpawnActions&) = delete;
+  ~Spawn() {
+    posix_spawnattr_destroy(&attributes_);
+    posix_spawn_file_actions_destroy(&actions_);
+  }
+  Spawn(const Spawn&) = delete;
+  Spawn& operator=(const Spawn&) = delete;
 
-  [[nodiscard]] const posix_spawn_file_actions_t* get() const { return &actions_; }
+  /// Starts the program; returns 0 or an errno.
+  int start(pid_t& pid, char* const* arguments) const {
+    return posix_spawn(&pid, arguments[0], &actions_, &attributes_, arguments, environ);
+  }
 
  private:
   /// Returns the descriptor or a copy with a higher number than any that an earlier action
@@ -64,30 +74,8 @@ class SpawnActions {
   }
 
   posix_spawn_file_actions_t actions_{};
-  std::vector<UniqueFd> copies_;
-};
-
-class SpawnAttributes {
- public:
-  SpawnAttributes() {
-    sigset_t none;
-    sigset_t all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    posix_spawnattr_init(&attributes_);
-    posix_spawnattr_setsigmask(&attributes_, &none);
-    posix_spawnattr_setsigdefault(&attributes_, &all);
-    posix_spawnattr_setflags(
-        &attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-  }
-  ~SpawnAttributes() { posix_spawnattr_destroy(&attributes_); }
-  SpawnAttributes(const SpawnAttributes&) = delete;
-  SpawnAttributes& operator=(const SpawnAttributes&) = delete;
-
-  [[nodiscard]] const posix_spawnattr_t* get() const { return &attributes_; }
-
- private:
   posix_spawnattr_t attributes_{};
+  std::vector<UniqueFd> copies_;
 };
 
 /// Returns 0 once the time is over.
@@ -127,12 +115,10 @@ Subprocess::Subprocess(const std::vector<std::string>& arguments,
   argv.reserve(arguments.size() + 1);
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);
-  const SpawnActions actions(passed);
-  const SpawnAttributes attributes;
   pid_t pid = -1;
-  const int error =
-      posix_spawn(&pid, argv[0], actions.get(), attributes.get(), argv.data(), environ);
-  if (error != 0) cannot_start(arguments[0], error);
+  if (const int error = Spawn(passed).start(pid, argv.data()))
+    throw Error(ErrorKind::Failed,
+                fmt::format("{}: cannot start: {}", arguments[0], std::strerror(error)));
   pid_ = pid;
 }
 
