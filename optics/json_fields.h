@@ -74,6 +74,14 @@ class JsonFields {
       fail(key, fmt::format("not a whole number of 0 to {}", most));
     return value->get<uint64_t>();
   }
+  /// Returns a list of such numbers.
+  [[nodiscard]] std::vector<uint64_t> wholes(const std::string& key, uint64_t most) const {
+    const nlohmann::json& list = need(key);
+    if (!list.is_array()) fail(key, "not a list");
+    std::vector<uint64_t> numbers;
+    for (const nlohmann::json& value : list) numbers.push_back(whole(key, most, &value));
+    return numbers;
+  }
   /// Returns true for true and for numbers other than zero; returns false if the key is missing.
   [[nodiscard]] bool flag(const std::string& key) const {
     const nlohmann::json* value = find(key);

@@ -25,8 +25,7 @@ Cubic catmull_rom(double a, double b, double c, double d) {
 }
 
 /// Returns knot `index` of a line of `count` knots, extrapolated in a straight line on both sides.
-template <class Knot>
-double extended(Knot knot, int count, int index) {
+double extended(auto knot, int count, int index) {
   if (index >= 0 && index < count) return knot(index);
   const int last = count - 1;
   if (last == 0) return knot(0);
@@ -158,8 +157,7 @@ struct ServedEye {
 /// Solves lambda(L) = lens together with the law of the sheet,
 ///   F(s) = s^2 (1 - kappa shift^2) - 1 - kappa (t_y s / (s + gamma))^2 = 0.
 /// Each step linearises the residual map around the present L and makes a Newton step of F.
-template <class Residual>
-ServedEye find_served_eye(const Search& q, double s, const Residual& residual) {
+ServedEye find_served_eye(const Search& q, double s, const auto& residual) {
   double shift = q.first_shift;
   const double eye_tan_y = q.tan_y * s / (s + q.gamma);
   s = std::sqrt((1.0 + q.kappa * eye_tan_y * eye_tan_y) / (1.0 - q.kappa * shift * shift));

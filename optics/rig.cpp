@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -38,11 +39,10 @@ Problem not_positive(const std::string& key, double value, double high) {
   return RigProblem{key, fmt::format("{} is not greater than 0 and at most {}", value, high), {}};
 }
 
-template <class... Checks>
-Problem first_of(const Checks&... checks) {
-  Problem found;
-  (void)((found = checks()).has_value() || ...);
-  return found;
+/// Returns the first problem of a list.
+Problem first_of(std::initializer_list<Problem> problems) {
+  const auto* const found = std::ranges::find_if(problems, &Problem::has_value);
+  return found == problems.end() ? Problem{} : *found;
 }
 
 Problem bits_problem(int bits) {
@@ -52,12 +52,11 @@ Problem bits_problem(int bits) {
 }
 
 Problem panel_problem(const Panel& panel) {
-  return first_of(
-      [&] { return outside("panel.width_px", panel.width_px, 1, kMaxPanelPixels); },
-      [&] { return outside("panel.height_px", panel.height_px, 1, kMaxPanelPixels); },
-      [&] { return not_positive("panel.pixel_width_mm", panel.pixel_width.value, kMaxPixelMm); },
-      [&] { return not_positive("panel.pixel_height_mm", panel.pixel_height.value, kMaxPixelMm); },
-      [&] { return bits_problem(panel.bits); });
+  return first_of({outside("panel.width_px", panel.width_px, 1, kMaxPanelPixels),
+                   outside("panel.height_px", panel.height_px, 1, kMaxPanelPixels),
+                   not_positive("panel.pixel_width_mm", panel.pixel_width.value, kMaxPixelMm),
+                   not_positive("panel.pixel_height_mm", panel.pixel_height.value, kMaxPixelMm),
+                   bits_problem(panel.bits)});
 }
 
 Problem residual_problem(const ResidualMap& map, const Panel& panel, double pitch_px) {
@@ -93,35 +92,26 @@ Problem residual_problem(const ResidualMap& map, const Panel& panel, double pitc
 }
 
 Problem sheet_problem(const LensSheet& sheet, const Panel& panel) {
-  const auto channels = [&]() -> Problem {
-    for (const Subpixels offset : sheet.channel_offset)
-      if (Problem p = outside("sheet.channel_offset_subpx", offset.value,
-                              -kMaxChannelOffsetSubpixels, kMaxChannelOffsetSubpixels))
-        return p;
-    return {};
+  const double pitch = sheet.pitch.value;
+  const auto channel = [&](size_t c) {
+    return outside("sheet.channel_offset_subpx", sheet.channel_offset[c].value,
+                   -kMaxChannelOffsetSubpixels, kMaxChannelOffsetSubpixels);
   };
-  return first_of(
-      [&] {
-        return outside("sheet.pitch_subpx", sheet.pitch.value, kMinPitchSubpixels,
-                       kMaxPitchSubpixels);
-      },
-      [&] { return outside("sheet.slant", sheet.slant, -kMaxSlant, kMaxSlant); },
-      [&] {
-        return outside("sheet.offset_lenses", sheet.offset.value, -kMaxOffsetLenses,
-                       kMaxOffsetLenses);
-      },
-      [&] { return not_positive("sheet.gap_mm", sheet.gap.value, kMaxGapMm); },
-      [&] { return outside("sheet.refraction_shape", sheet.refraction_shape, 0.0, 1.0); },
-      [&] { return outside("sheet.spot_sigma_lenses", sheet.spot_sigma.value, 0.0, 10.0); },
-      channels, [&] { return residual_problem(sheet.residual, panel, sheet.pitch.value / 3.0); });
+  const Problem found = first_of(
+      {outside("sheet.pitch_subpx", pitch, kMinPitchSubpixels, kMaxPitchSubpixels),
+       outside("sheet.slant", sheet.slant, -kMaxSlant, kMaxSlant),
+       outside("sheet.offset_lenses", sheet.offset.value, -kMaxOffsetLenses, kMaxOffsetLenses),
+       not_positive("sheet.gap_mm", sheet.gap.value, kMaxGapMm),
+       outside("sheet.refraction_shape", sheet.refraction_shape, 0.0, 1.0),
+       outside("sheet.spot_sigma_lenses", sheet.spot_sigma.value, 0.0, 10.0), channel(0),
+       channel(1), channel(2)});
+  return found ? found : residual_problem(sheet.residual, panel, pitch / 3.0);
 }
 
 Problem viewing_problem(const ViewingLine& viewing, const LensSheet& sheet) {
-  if (Problem p =
-          outside("viewing.centre_mm", viewing.centre.value, -kMaxDistanceMm, kMaxDistanceMm))
-    return p;
-  if (Problem p =
-          outside("viewing.height_mm", viewing.height.value, -kMaxDistanceMm, kMaxDistanceMm))
+  if (Problem p = first_of(
+          {outside("viewing.centre_mm", viewing.centre.value, -kMaxDistanceMm, kMaxDistanceMm),
+           outside("viewing.height_mm", viewing.height.value, -kMaxDistanceMm, kMaxDistanceMm)}))
     return p;
   const double z = viewing.distance.value;
   if (std::isinf(z) && z > 0) return {};
@@ -192,11 +182,10 @@ Problem text_problem(const std::string& key, const std::string& text) {
 
 Problem texts_problem(const Rig& rig) {
   const PanelIdentity& id = rig.identity;
-  const Problem found =
-      first_of([&] { return text_problem("name", rig.name); },
-               [&] { return text_problem("identity.manufacturer", id.manufacturer); },
-               [&] { return text_problem("identity.serial", id.serial); },
-               [&] { return text_problem("identity.edid_sha256", id.edid_sha256); });
+  const Problem found = first_of({text_problem("name", rig.name),
+                                  text_problem("identity.manufacturer", id.manufacturer),
+                                  text_problem("identity.serial", id.serial),
+                                  text_problem("identity.edid_sha256", id.edid_sha256)});
   if (found) return found;
   if (rig.provenance.size() > kMaxProvenanceEntries)
     return RigProblem{"provenance", "more than 256 entries", {}};
@@ -258,10 +247,12 @@ void add_sheet(Hash& hash, const LensSheet& sheet) {
 }  // namespace
 
 std::optional<RigProblem> find_problem(const Rig& rig) {
-  return first_of([&] { return panel_problem(rig.panel); },
-                  [&] { return sheet_problem(rig.sheet, rig.panel); },
-                  [&] { return viewing_problem(rig.viewing, rig.sheet); },
-                  [&] { return geometry_problem(rig); }, [&] { return texts_problem(rig); });
+  // One after the other: the later ones compute with what the earlier ones check.
+  if (Problem p = panel_problem(rig.panel)) return p;
+  if (Problem p = sheet_problem(rig.sheet, rig.panel)) return p;
+  if (Problem p = viewing_problem(rig.viewing, rig.sheet)) return p;
+  if (Problem p = geometry_problem(rig)) return p;
+  return texts_problem(rig);
 }
 
 void validate_rig(const Rig& rig, const std::string& context) {

@@ -133,8 +133,7 @@ double largest_difference(const std::array<double, kBlock>& a,
 
 /// Returns the smallest number of steps whose values (given by `evaluate(steps)`) differ by less
 /// than the tolerance from the values after kMaxSteps, at every trial point.
-template <class Evaluate>
-int steps_needed(const Evaluate& evaluate, double tolerance) {
+int steps_needed(const auto& evaluate, double tolerance) {
   const auto converged = evaluate(kMaxSteps);
   for (int steps = 1; steps < kMaxSteps; ++steps) {
     if (largest_difference(evaluate(steps), converged) <= tolerance) return steps;
@@ -172,9 +171,8 @@ int serve_steps_needed(Constants constants, const EyeTerms& eye, const TrialPoin
 }
 
 /// Calls block(first_lane, points) for each block of the row.
-template <class Block>
 void for_each_block(const PositionPattern& pattern, int j, int i_begin, int i_end,
-                    const Block& block) {
+                    const auto& block) {
   alignas(64) std::array<double, kBlock> x_px;
   alignas(64) std::array<double, kBlock> y_px;
   for (int i = i_begin; i < i_end; i += kBlockPixels) {

@@ -62,9 +62,8 @@ inline void bicubic(const double* k, double t, double u, double& value, double& 
 }
 
 /// Evaluates the spline; `cell_of(i)` gives the coefficients of point i.
-template <class CellOf>
-inline void spline(const Constants& c, const CellOf& cell_of, int count, const Lane& t,
-                   const Lane& u, Lane& lenses, Lane& per_px_x) {
+inline void spline(const Constants& c, const auto& cell_of, int count, const Lane& t, const Lane& u,
+                   Lane& lenses, Lane& per_px_x) {
   for (int i = 0; i < count; ++i) {
     double value, slope;
     bicubic(cell_of(i), t[i], u[i], value, slope);
