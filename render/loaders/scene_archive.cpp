@@ -46,19 +46,16 @@ constexpr bool kIsPlain<Affine> = true;
 
 // ---- the members of each struct
 
-template <class Archive>
-void fields(Archive& archive, Texture& of) {
+void fields(auto& archive, Texture& of) {
   archive(of.width, of.height, of.rgba, of.codes, of.held, of.repeat_u, of.repeat_v, of.mirror_u,
           of.mirror_v, of.name);
 }
 
-template <class Archive>
-void fields(Archive& archive, TextureUse& of) {
+void fields(auto& archive, TextureUse& of) {
   archive(of.texture, of.uv_set, of.uv_map);
 }
 
-template <class Archive>
-void fields(Archive& archive, PbrMaterial& of) {
+void fields(auto& archive, PbrMaterial& of) {
   for (const auto number : kPbrNumbers) archive(of.*number);
   for (const auto colour : kPbrColours) archive(of.*colour);
   for (const auto texture : kPbrTextures) archive(of.*texture);
@@ -66,72 +63,60 @@ void fields(Archive& archive, PbrMaterial& of) {
   archive(of.double_sided, of.unlit);
 }
 
-template <class Archive>
-void fields(Archive& archive, Material& of) {
+void fields(auto& archive, Material& of) {
   archive(of.name, of.colour, of.diffuse, of.specular, of.shine, of.transmittance,
           of.refraction_index, of.emission, of.tinted_specular, of.two_sided, of.texture, of.pbr);
 }
 
-template <class Archive>
-void fields(Archive& archive, Skin& of) {
+void fields(auto& archive, Skin& of) {
   archive(of.joints, of.joint_from_mesh);
 }
 
-template <class Archive>
-void fields(Archive& archive, MorphTarget& of) {
+void fields(auto& archive, MorphTarget& of) {
   archive(of.positions, of.normals, of.tangents);
 }
 
-template <class Archive>
-void fields(Archive& archive, Deformation& of) {
+void fields(auto& archive, Deformation& of) {
   archive(of.targets, of.skin, of.joints_per_vertex, of.joints, of.weights);
 }
 
-template <class Archive>
-void fields(Archive& archive, TriangleMesh& of) {
+void fields(auto& archive, TriangleMesh& of) {
   archive(of.name, of.material, of.positions, of.triangles, of.normals, of.uvs, of.uvs2, of.colours,
           of.tangents, of.node, of.deformation, of.shape, of.place);
 }
 
-template <class Archive>
-void fields(Archive& archive, Sphere& of) {
+void fields(auto& archive, Sphere& of) {
   archive(of.centre, of.radius, of.inward, of.material);
 }
 
-template <class Archive>
-void fields(Archive& archive, Cone& of) {
+void fields(auto& archive, Cone& of) {
   archive(of.base, of.base_radius, of.apex, of.apex_radius, of.inward, of.material);
 }
 
-template <class Archive>
-void fields(Archive& archive, Light& of) {
+void fields(auto& archive, Light& of) {
   archive.choice(of.kind, Light::Kind::Spot);
   archive(of.position, of.direction, of.colour, of.falls_off, of.cos_inner, of.cos_outer, of.node);
 }
 
-template <class Archive>
-void fields(Archive& archive, Camera& of) {
+void fields(auto& archive, Camera& of) {
   archive(of.name, of.from, of.at, of.up, of.vertical_fov_degrees, of.hither, of.node);
 }
 
-template <class Archive, class T>
-void fields(Archive& archive, Channel<T>& of) {
+template <class T>
+void fields(auto& archive, Channel<T>& of) {
   archive(of.times, of.values, of.steps, of.in_tangents, of.out_tangents);
 }
 
-template <class Archive>
-void fields(Archive& archive, Node& of) {
+void fields(auto& archive, Node& of) {
   archive(of.name, of.parent, of.local, of.scale, of.rotation, of.translation, of.animated,
           of.translations, of.rotations, of.scales, of.morph_weights, of.morph_weight_keys);
 }
 
-template <class Archive>
-void fields(Archive& archive, Selection& of) {
+void fields(auto& archive, Selection& of) {
   archive(of.names, of.taken);
 }
 
-template <class Archive>
-void fields(Archive& archive, SceneDescription& of) {
+void fields(auto& archive, SceneDescription& of) {
   archive(of.source, of.materials, of.textures, of.meshes, of.shapes, of.spheres, of.cones,
           of.lights, of.light_scale, of.cameras, of.nodes, of.skins, of.background, of.ambient,
           of.colour_managed, of.lit_by_studio, of.duration_seconds, of.notes, of.scenes,
