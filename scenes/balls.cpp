@@ -17,7 +17,9 @@ struct Ball {
   Vec3 meridian;  ///< unit, toward the first child on the equator
 };
 
+constexpr double kRadius = 0.5;
 constexpr double kShrink = 1.0 / 3.0;
+constexpr Ball kFirst{.centre = {}, .radius = kRadius, .pole = {0, 0, 1}, .meridian = {1, 0, 0}};
 
 /// Returns the nine directions in the frame (meridian, pole x meridian, pole).
 std::array<Vec3, 9> child_directions() {
@@ -67,20 +69,11 @@ View balls_camera(const SceneOptions& /*options*/) {
 void write_balls(SceneWriter& out, const SceneOptions& options) {
   out.comment("sphereflake");
   out.background({0.078, 0.361, 0.753});
-  out.light({4, 3, 2});
-  out.light({1, -4, 4});
-  out.light({-3, 1, 5});
-
+  out.lights({{4, 3, 2}, {1, -4, 4}, {-3, 1, 5}});
   out.fill({.colour = {1.0, 0.75, 0.33}, .diffuse = 0.8});
-  constexpr double kFloor = 12.0;
-  constexpr double kRadius = 0.5;
-  out.polygon(std::array{Vec3{kFloor, kFloor, -kRadius}, Vec3{-kFloor, kFloor, -kRadius},
-                         Vec3{-kFloor, -kFloor, -kRadius}, Vec3{kFloor, -kFloor, -kRadius}});
-
+  out.square(12.0, -kRadius);
   out.fill({.colour = {1.0, 0.9, 0.7}, .diffuse = 0.5, .specular = 0.5, .shine = 45.0});
-  write_sphereflake(out,
-                    {.centre = {}, .radius = kRadius, .pole = {0, 0, 1}, .meridian = {1, 0, 0}},
-                    options.size);
+  write_sphereflake(out, kFirst, options.size);
 }
 
 // Scene: a small sphereflake of mirrors over a chequered floor, with a glass ball in front and a
@@ -88,25 +81,9 @@ void write_balls(SceneWriter& out, const SceneOptions& options) {
 
 namespace {
 
-constexpr double kRadius = 0.5;
-
-void write_floor(SceneWriter& out) {
-  constexpr double kHalf = 6.0;
-  PicturedMesh floor{.fill = {.diffuse = 0.9, .specular = 0.15, .shine = 20.0},
-                     .picture = checker_picture()};
-  append_board(floor, {.corner = {-kHalf, kHalf, -kRadius},
-                       .along = {2 * kHalf, 0, 0},
-                       .across = {0, -2 * kHalf, 0},
-                       .columns = 12,
-                       .rows = 12});
-  out.pictured(std::move(floor));
-}
-
 void write_companions(SceneWriter& out) {
-  PicturedMesh marble{.fill = {.diffuse = 0.8, .specular = 0.1, .shine = 40.0},
-                      .picture = marble_picture()};
-  append_ball(marble, {-1.0, -0.75, -0.2}, 0.3, 24);
-  out.pictured(std::move(marble));
+  write_ball(out, marble_picture(), {.diffuse = 0.8, .specular = 0.1, .shine = 40.0},
+             {{-1.0, -0.75, -0.2}, 0.3}, 24);
   out.fill({.colour = {0.9, 1.0, 0.95},
             .diffuse = 0.1,
             .specular = 0.15,
@@ -126,16 +103,12 @@ View small_balls_camera(const SceneOptions& options) {
 void write_small_balls(SceneWriter& out, const SceneOptions& options) {
   out.comment("a small sphereflake over a chequered floor");
   out.background({0.30, 0.42, 0.62});
-  out.light({4, 3, 8});
-  out.light({1, -4, 7});
-  out.light({-4, 1, 8});
-  out.light({0, 0, 9});
-  write_floor(out);
+  out.lights({{4, 3, 8}, {1, -4, 7}, {-4, 1, 8}, {0, 0, 9}});
+  write_floor(out, checker_picture(), {.diffuse = 0.9, .specular = 0.15, .shine = 20.0}, 6.0,
+              -kRadius, 12);
   write_companions(out);
   out.fill({.colour = {1.0, 0.85, 0.6}, .diffuse = 0.6, .specular = 0.4, .shine = 45.0});
-  write_sphereflake(out,
-                    {.centre = {}, .radius = kRadius, .pole = {0, 0, 1}, .meridian = {1, 0, 0}},
-                    options.size);
+  write_sphereflake(out, kFirst, options.size);
 }
 
 }  // namespace lenticule::scenes

@@ -10,18 +10,6 @@
 namespace lenticule::scenes {
 namespace {
 
-void write_floor(SceneWriter& out) {
-  constexpr double kHalf = 7.0;
-  PicturedMesh floor{.fill = {.diffuse = 0.9, .specular = 0.1, .shine = 20.0},
-                     .picture = checker_picture()};
-  append_board(floor, {.corner = {-kHalf, kHalf, 0},
-                       .along = {2 * kHalf, 0, 0},
-                       .across = {0, -2 * kHalf, 0},
-                       .columns = 7,
-                       .rows = 7});
-  out.pictured(std::move(floor));
-}
-
 void write_spheres(SceneWriter& out, int size) {
   out.fill({.colour = {0.9, 0.92, 0.95}, .diffuse = 0.15, .specular = 0.8, .shine = 100.0});
   out.sphere({0, 0, 0.8}, 0.8);
@@ -32,10 +20,8 @@ void write_spheres(SceneWriter& out, int size) {
             .transmittance = 0.85,
             .refraction_index = 1.5});
   out.sphere({2.0, 0.5, 0.5}, 0.5);
-  PicturedMesh marble{.fill = {.diffuse = 0.85, .specular = 0.08, .shine = 40.0},
-                      .picture = marble_picture()};
-  append_ball(marble, {-0.7, 1.7, 0.55}, 0.55, 4 * size);
-  out.pictured(std::move(marble));
+  write_ball(out, marble_picture(), {.diffuse = 0.85, .specular = 0.08, .shine = 40.0},
+             {{-0.7, 1.7, 0.55}, 0.55}, 4 * size);
 }
 
 /// Writes a disc-shaped convex polygon that faces up.
@@ -132,11 +118,9 @@ View primitives_camera(const SceneOptions& options) {
 void write_primitives(SceneWriter& out, const SceneOptions& options) {
   out.comment("one of every kind of thing");
   out.background({0.36, 0.50, 0.70});
-  out.light({6, 2, 10});
-  out.light({-3, 6, 10});
-  out.light({-2, -6, 9});
-  out.light({1, 0, 12});
-  write_floor(out);
+  out.lights({{6, 2, 10}, {-3, 6, 10}, {-2, -6, 9}, {1, 0, 12}});
+  write_floor(out, checker_picture(), {.diffuse = 0.9, .specular = 0.1, .shine = 20.0}, 7.0, 0.0,
+              7);
   write_spheres(out, options.size);
   write_round_ones(out);
   write_box(out);

@@ -55,13 +55,6 @@ void write_branch(SceneWriter& out, const Branch& branch, int generations) {
   write_branch(out, child_of(branch, -42.0 * kDegree), generations - 1);
 }
 
-void write_lights(SceneWriter& out) {
-  constexpr std::array kLights = {Vec3{-5, 5, 50},  Vec3{30, -30, 30}, Vec3{-40, -30, 20},
-                                  Vec3{10, 30, 40}, Vec3{-30, 40, 10}, Vec3{50, 25, 20},
-                                  Vec3{5, -50, 30}};
-  for (const Vec3 light : kLights) out.light(light);
-}
-
 }  // namespace
 
 View tree_camera(const SceneOptions& options) {
@@ -71,11 +64,16 @@ View tree_camera(const SceneOptions& options) {
 void write_tree(SceneWriter& out, const SceneOptions& options) {
   out.comment("branching tree");
   out.background({0.078, 0.361, 0.753});
-  write_lights(out);
+  out.lights({{-5, 5, 50},
+              {30, -30, 30},
+              {-40, -30, 20},
+              {10, 30, 40},
+              {-30, 40, 10},
+              {50, 25, 20},
+              {5, -50, 30}});
 
   out.fill({.colour = {0.2, 0.7, 0.2}, .diffuse = 0.8});
-  out.polygon(std::array{Vec3{kGround, kGround, 0}, Vec3{-kGround, kGround, 0},
-                         Vec3{-kGround, -kGround, 0}, Vec3{kGround, -kGround, 0}});
+  out.square(kGround, 0.0);
 
   out.fill({.colour = {0.65, 0.42, 0.22}, .diffuse = 0.8});
   write_branch(out,
@@ -186,17 +184,6 @@ Fill metal(int layer) {
   return fills[static_cast<size_t>(layer) % fills.size()];
 }
 
-void write_table(SceneWriter& out, double half) {
-  PicturedMesh table{.fill = {.diffuse = 1.0, .specular = 0.06, .shine = 15.0},
-                     .picture = wood_picture()};
-  append_board(table, {.corner = {-half, half, 0},
-                       .along = {2 * half, 0, 0},
-                       .across = {0, -2 * half, 0},
-                       .columns = 2,
-                       .rows = 2});
-  out.pictured(std::move(table));
-}
-
 void write_gear_layer(SceneWriter& out, int layer, int side) {
   out.fill(metal(layer));
   const double first = -0.5 * (side - 1);
@@ -223,11 +210,10 @@ void write_gears(SceneWriter& out, const SceneOptions& options) {
   const double side = options.size;
   out.comment("layers of meshed gears");
   out.background({0.12, 0.14, 0.18});
-  out.light(Vec3{2, 1, 4} * side);
-  out.light(Vec3{-1, 2.5, 3.5} * side);
-  out.light(Vec3{-1.5, -1.5, 4} * side);
-  out.light(Vec3{1.5, -2.5, 3} * side);
-  write_table(out, 1.5 * side + 1.0);
+  out.lights({Vec3{2, 1, 4} * side, Vec3{-1, 2.5, 3.5} * side, Vec3{-1.5, -1.5, 4} * side,
+              Vec3{1.5, -2.5, 3} * side});
+  write_floor(out, wood_picture(), {.diffuse = 1.0, .specular = 0.06, .shine = 15.0},
+              1.5 * side + 1.0, 0.0, 2);
   for (int layer = 0; layer < options.size; ++layer) write_gear_layer(out, layer, options.size);
 }
 

@@ -21,13 +21,6 @@ Fill matt(Vec3 colour = {1, 1, 1}) {
   return {.colour = colour, .diffuse = 1.0, .specular = 0.0};
 }
 
-void write_board(SceneWriter& out, SharedPicture picture, const Fill& fill,
-                 const PicturedBoard& board) {
-  PicturedMesh mesh{.fill = fill, .picture = std::move(picture)};
-  append_board(mesh, board);
-  out.pictured(std::move(mesh));
-}
-
 void write_quad(SceneWriter& out, Vec3 corner, Vec3 along, Vec3 across) {
   out.polygon(std::array{corner, corner + across, corner + along + across, corner + along});
 }
@@ -102,10 +95,8 @@ void write_teapot_on_table(SceneWriter& out, int size) {
 }
 
 void write_balls_on_table(SceneWriter& out, int size) {
-  PicturedMesh marble{.fill = {.diffuse = 0.8, .specular = 0.1, .shine = 60.0},
-                      .picture = marble_picture()};
-  append_ball(marble, {-0.72, 0.3, kTableTop + 0.17}, 0.17, 4 * size);
-  out.pictured(std::move(marble));
+  write_ball(out, marble_picture(), {.diffuse = 0.8, .specular = 0.1, .shine = 60.0},
+             {{-0.72, 0.3, kTableTop + 0.17}, 0.17}, 4 * size);
   out.fill({.colour = {0.95, 1.0, 0.98},
             .diffuse = 0.05,
             .specular = 0.1,

@@ -60,35 +60,20 @@ struct BuiltInScene {
 }
 
 [[nodiscard]] View balls_camera(const SceneOptions& options);
-
 void write_balls(SceneWriter& out, const SceneOptions& options);
-
 [[nodiscard]] View demo_camera(const SceneOptions& options);
-
 void write_demo(SceneWriter& out, const SceneOptions& options);
-
 [[nodiscard]] View gears_camera(const SceneOptions& options);
-
 void write_gears(SceneWriter& out, const SceneOptions& options);
-
 [[nodiscard]] View primitives_camera(const SceneOptions& options);
-
 void write_primitives(SceneWriter& out, const SceneOptions& options);
-
 [[nodiscard]] View room_camera(const SceneOptions& options);
-
 void write_room(SceneWriter& out, const SceneOptions& options);
-
 [[nodiscard]] View small_balls_camera(const SceneOptions& options);
-
 void write_small_balls(SceneWriter& out, const SceneOptions& options);
-
 [[nodiscard]] View teapot_camera(const SceneOptions& options);
-
 void write_teapot(SceneWriter& out, const SceneOptions& options);
-
 [[nodiscard]] View tree_camera(const SceneOptions& options);
-
 void write_tree(SceneWriter& out, const SceneOptions& options);
 
 inline constexpr int kDemoFrames = 48;

@@ -10,6 +10,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <initializer_list>
 #include <iterator>
 #include <memory>
 #include <numbers>
@@ -25,9 +26,6 @@
 #include "scenes/elements.h"
 
 namespace lenticule::scenes {
-
-// PicturedMesh is a textured triangle mesh; with functions for the few shapes that built-in scenes
-// use.
 
 /// Picture holds colours as code values from 0 to 1, as in NFF.
 struct Picture {
@@ -48,8 +46,7 @@ using SharedPicture = std::shared_ptr<const Picture>;
 
 /// Makes a picture from colour(u, v) at the centre of each texel; u points right and v down, both
 /// in (0, 1).
-template <class Colour>
-SharedPicture paint(const char* name, int width, int height, Colour colour) {
+SharedPicture paint(const char* name, int width, int height, auto colour) {
   Picture picture{.name = name, .width = width, .height = height, .rgb = {}};
   picture.rgb.reserve(static_cast<size_t>(width) * static_cast<size_t>(height) * 3);
   for (int row = 0; row < height; ++row)
@@ -434,6 +431,10 @@ class SceneWriter {
   void view(const View& view) { add(view); }
   void background(Vec3 colour) { add(Background{colour}); }
   void light(Vec3 position, Vec3 colour = {1, 1, 1}) { add(PointLight{position, colour}); }
+  /// Adds white lights.
+  void lights(std::initializer_list<Vec3> positions) {
+    for (const Vec3 position : positions) light(position);
+  }
   void fill(const Fill& fill) { add(fill); }
   void sphere(Vec3 centre, double radius) { add(Sphere{centre, radius}); }
   /// Adds an open cone; a cylinder if both radii are equal.
@@ -442,6 +443,11 @@ class SceneWriter {
   }
   /// Adds a flat, convex polygon; some readers of NFF do not triangulate concave ones.
   void polygon(std::span<const Vec3> corners) { add(Polygon{{corners.begin(), corners.end()}}); }
+  /// Adds a square that faces up, with its centre on the z axis.
+  void square(double half, double z) {
+    polygon(std::array{Vec3{half, half, z}, Vec3{-half, half, z}, Vec3{-half, -half, z},
+                       Vec3{half, -half, z}});
+  }
   void patch(std::span<const SurfacePoint> corners) {
     Polygon polygon;
     for (const SurfacePoint& corner : corners) {
@@ -493,6 +499,32 @@ class SceneWriter {
   SceneParts parts_;
   bool said_plain_ = false;
 };
+
+inline void write_board(SceneWriter& out, SharedPicture picture, const Fill& fill,
+                        const PicturedBoard& board) {
+  PicturedMesh mesh{.fill = fill, .picture = std::move(picture)};
+  append_board(mesh, board);
+  out.pictured(std::move(mesh));
+}
+
+/// Writes a square that faces up, with its centre on the z axis, and its picture `count` times
+/// along each edge.
+inline void write_floor(SceneWriter& out, SharedPicture picture, const Fill& fill, double half,
+                        double z, int count) {
+  write_board(out, std::move(picture), fill,
+              {.corner = {-half, half, z},
+               .along = {2 * half, 0, 0},
+               .across = {0, -2 * half, 0},
+               .columns = static_cast<double>(count),
+               .rows = static_cast<double>(count)});
+}
+
+inline void write_ball(SceneWriter& out, SharedPicture picture, const Fill& fill,
+                       const Sphere& ball, int cuts) {
+  PicturedMesh mesh{.fill = fill, .picture = std::move(picture)};
+  append_ball(mesh, ball.centre, ball.radius, cuts);
+  out.pictured(std::move(mesh));
+}
 
 struct CheckerBoard {
   Vec3 corner;

@@ -24,9 +24,7 @@ View teapot_camera(const SceneOptions& options) {
 void write_teapot(SceneWriter& out, const SceneOptions& options) {
   out.comment("Newell's teapot on a board");
   out.background({0.078, 0.361, 0.753});
-  out.light({-3.1, 9.8, 12.1});
-  out.light({11.3, 5.1, 8.8});
-
+  out.lights({{-3.1, 9.8, 12.1}, {11.3, 5.1, 8.8}});
   write_checker_board(out, {.corner = {-kHalfBoard, -kHalfBoard, 0},
                             .along = {2 * kHalfBoard, 0, 0},
                             .across = {0, 2 * kHalfBoard, 0},
@@ -97,8 +95,7 @@ Patch quarter_of(const Profile& profile) {
   return patch;
 }
 
-template <class Map>
-Patch mapped(Patch patch, Map map) {
+Patch mapped(Patch patch, auto map) {
   for (auto& row : patch)
     for (Vec3& p : row) p = map(p);
   return patch;
