@@ -215,8 +215,7 @@ class ConfinedScenes::Reader {
   }
 
  private:
-  template <class Next>
-  static render::SceneDescription archived(const fs::path& file, Next&& next) {
+  static render::SceneDescription archived(const fs::path& file, auto&& next) {
     try {
       return render::read_scene_archive(next);
     } catch (const Error& error) {

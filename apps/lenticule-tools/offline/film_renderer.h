@@ -185,7 +185,7 @@ class FilmRenderer {
     if (!flags.camera.empty()) cameras_ = render::load_camera_path(flags.camera);
     scenes_.require(film_);
     const render::SceneDescription reference = scene_of(scenes_.reference_frame());
-    print_notes(reference);
+    for (const std::string& note : reference.notes) say("{}: {}\n", reference.source, note);
     stages_.emplace(reference, panel_.canvas, flags.staging.stage, flags.staging.turned_by_degrees,
                     scenes_.still());
     print_stage(stages_->reference());
@@ -269,10 +269,6 @@ class FilmRenderer {
     else if (stage.depth_scale < 0.25)
       say("stage: the scene is flattened; --depth-budget N makes it N times as deep, and less "
           "sharp\n");
-  }
-
-  static void print_notes(const render::SceneDescription& scene) {
-    for (const std::string& note : scene.notes) say("{}: {}\n", scene.source, note);
   }
 
   static render::RenderOptions options_of(const RenderFlags& flags, bool keep_missing) {

@@ -19,7 +19,6 @@
 #include "player/sources/source_spec.h"
 
 namespace lenticule::tools {
-
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -153,32 +152,27 @@ class RingOutput final : public FrameOutput {
   uint64_t delivered_ = 0;
 };
 
-}  // namespace
+class SequenceOutput final : public FrameOutput {
+ public:
+  explicit SequenceOutput(const OutputRequest& request)
+      : first_(request.range.begin),
+        writer_(request.target, sequence_info_of(request),
+                {.resume = request.resume, .max_error = request.max_error}) {}
 
-std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
-  if (player::parse_source(request.target).kind == player::SourceKind::Ring)
-    return std::make_unique<RingOutput>(request);
-  if (request.target.ends_with(".lts")) {
-    require_writable_folder(request.target);
-    require_replaceable_film(request);
-    return open_sequence_output(request);
+  bool has(uint64_t frame) const override { return frame - first_ < writer_.frame_count(); }
+
+  Delivery deliver(uint64_t frame, const frames::FrameView& pixels) override {
+    LENTICULE_CHECK(frame - first_ == writer_.frame_count());
+    writer_.append(pixels);
+    return Delivery::Done;
   }
-  if (player::kind_of_file(request.target) != player::SourceKind::Pictures)
-    throw Error(ErrorKind::Usage, fmt::format("-o {}: neither a .lts nor pictures", request.target),
-                "use FILE.lts, of which 'lenticule convert' makes a video, or 'out/%05d.png'");
-  return std::make_unique<PictureFiles>(request);
-}
 
-void say_how_to_resume(const std::string& target) {
-  if (!player::interrupted()) return;
-  if (target.ends_with(".lts") || frames::FilePattern::looks_like_pattern(target))
-    say("{}: unfinished; to go on, repeat the command with --resume, and without --overwrite\n",
-        target);
-  else if (player::kind_of_file(target) == player::SourceKind::Video)
-    say("{}: unfinished, and removed; a .lts could be continued with --resume\n", target);
-}
+  void finish() override { writer_.finish(); }
 
-namespace {
+ private:
+  uint64_t first_;
+  frames::SequenceWriter writer_;
+};
 
 /// Limit of the numbers to check: an input of unknown length could have any.
 constexpr uint64_t kMostPictures = uint64_t{1} << 20;
@@ -270,32 +264,6 @@ void require_replaceable_video(const OutputRequest& request) {
     refuse(request.target, "a video does not record its rig and scene");
 }
 
-namespace {
-
-class SequenceOutput final : public FrameOutput {
- public:
-  explicit SequenceOutput(const OutputRequest& request)
-      : first_(request.range.begin),
-        writer_(request.target, sequence_info_of(request),
-                {.resume = request.resume, .max_error = request.max_error}) {}
-
-  bool has(uint64_t frame) const override { return frame - first_ < writer_.frame_count(); }
-
-  Delivery deliver(uint64_t frame, const frames::FrameView& pixels) override {
-    LENTICULE_CHECK(frame - first_ == writer_.frame_count());
-    writer_.append(pixels);
-    return Delivery::Done;
-  }
-
-  void finish() override { writer_.finish(); }
-
- private:
-  uint64_t first_;
-  frames::SequenceWriter writer_;
-};
-
-}  // namespace
-
 frames::SequenceInfo sequence_info_of(const OutputRequest& request) {
   frames::SequenceInfo info = request.sequence.value_or(frames::SequenceInfo{});
   info.software = fmt::format("lenticule {}", LENTICULE_VERSION);
@@ -309,7 +277,27 @@ frames::SequenceInfo sequence_info_of(const OutputRequest& request) {
   return info;
 }
 
-std::unique_ptr<FrameOutput> open_sequence_output(const OutputRequest& request) {
-  return std::make_unique<SequenceOutput>(request);
+std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
+  if (player::parse_source(request.target).kind == player::SourceKind::Ring)
+    return std::make_unique<RingOutput>(request);
+  if (request.target.ends_with(".lts")) {
+    require_writable_folder(request.target);
+    require_replaceable_film(request);
+    return std::make_unique<SequenceOutput>(request);
+  }
+  if (player::kind_of_file(request.target) != player::SourceKind::Pictures)
+    throw Error(ErrorKind::Usage, fmt::format("-o {}: neither a .lts nor pictures", request.target),
+                "use FILE.lts, of which 'lenticule convert' makes a video, or 'out/%05d.png'");
+  return std::make_unique<PictureFiles>(request);
 }
+
+void say_how_to_resume(const std::string& target) {
+  if (!player::interrupted()) return;
+  if (target.ends_with(".lts") || frames::FilePattern::looks_like_pattern(target))
+    say("{}: unfinished; to go on, repeat the command with --resume, and without --overwrite\n",
+        target);
+  else if (player::kind_of_file(target) == player::SourceKind::Video)
+    say("{}: unfinished, and removed; a .lts could be continued with --resume\n", target);
+}
+
 }  // namespace lenticule::tools

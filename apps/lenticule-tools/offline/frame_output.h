@@ -51,9 +51,11 @@ struct OutputRequest {
   std::optional<frames::SequenceInfo> sequence = std::nullopt;
 };
 
-/// Checks, before rendering, that the target can be written, and opens it. Throws Error(Usage) for
-/// an invalid target, Error(Failed) for a folder that is not writable, Error(Device) or
-/// Error(Input) for a player that does not answer or refuses.
+/// Checks, before rendering, that the target can be written, and opens it. A container takes frames
+/// in order, without those for which has() returns true; its unfinished file is TARGET.part. Throws
+/// Error(Usage) for an invalid target, Error(Failed) for a folder that is not writable,
+/// Error(Device) or Error(Input) for a player that does not answer or refuses, and for a container
+/// to resume that was started with other input.
 [[nodiscard]] std::unique_ptr<FrameOutput> open_output(const OutputRequest& request);
 
 /// Says, after an interruption, how a sequence at `target` is continued.
@@ -84,13 +86,7 @@ void require_replaceable_pictures(const OutputRequest& request,
 /// Refuses any existing video, because it does not state how it was made.
 void require_replaceable_video(const OutputRequest& request);
 
-// open_sequence_output writes rendered or converted frames to a sequence container.
-
-/// Returns the metadata of the container that open_sequence_output() writes.
+/// Returns the metadata of the container that an output of the request writes.
 [[nodiscard]] frames::SequenceInfo sequence_info_of(const OutputRequest& request);
 
-/// Returns the FrameOutput of a target that ends in ".lts". Frames must be delivered in order,
-/// without those for which has() returns true. The unfinished file is called TARGET.part. Throws
-/// the errors of open_output(), and Error(Input) if a file to resume was started with other input.
-[[nodiscard]] std::unique_ptr<FrameOutput> open_sequence_output(const OutputRequest& request);
 }  // namespace lenticule::tools

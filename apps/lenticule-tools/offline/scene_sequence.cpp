@@ -64,53 +64,34 @@ class ElementAdder {
   render::NffScene& scene_;
 };
 
-/// PictureHanger adds the textured meshes of a scene to its description.
-class PictureHanger {
- public:
-  explicit PictureHanger(render::SceneDescription& scene) : scene_(scene) {}
-
-  void hang(scenes::PicturedMesh mesh) {
-    render::Material& material = scene_.materials.emplace_back(material_of(mesh.fill));
-    material.name = mesh.picture->name;
-    material.texture = texture(*mesh.picture);
-    scene_.meshes.push_back({.name = mesh.picture->name,
-                             .material = static_cast<int>(scene_.materials.size() - 1),
-                             .positions = std::move(mesh.positions),
-                             .triangles = std::move(mesh.triangles),
-                             .normals = std::move(mesh.normals),
-                             .uvs = std::move(mesh.uvs)});
-  }
-
- private:
-  int texture(const scenes::Picture& picture) {
-    const auto [place, added] = index_.try_emplace(&picture, scene_.textures.size());
-    if (added)
-      scene_.textures.push_back(std::make_shared<const render::Texture>(texture_of(picture)));
-    return static_cast<int>(place->second);
-  }
-
-  render::SceneDescription& scene_;
-  std::map<const scenes::Picture*, size_t> index_;
-};
+constexpr std::string_view kBuiltIn = "builtin:";
 
 }  // namespace
 
 render::SceneDescription describe_built_in(const scenes::BuiltInScene& scene,
                                            std::optional<int> size, int frame) {
   scenes::SceneParts parts = scenes::build_scene(scene, size, frame);
-  render::NffScene elements(std::string("builtin:") + scene.name);
+  render::NffScene elements(std::string(kBuiltIn) + scene.name);
   for (const scenes::Element& element : parts.elements) std::visit(ElementAdder(elements), element);
   render::SceneDescription description = elements.finish();
-  PictureHanger hanger(description);
-  for (scenes::PicturedMesh& mesh : parts.pictured) hanger.hang(std::move(mesh));
+  std::map<const scenes::Picture*, size_t> textures;
+  for (scenes::PicturedMesh& mesh : parts.pictured) {
+    const scenes::Picture& picture = *mesh.picture;
+    const auto [place, added] = textures.try_emplace(&picture, description.textures.size());
+    if (added)
+      description.textures.push_back(std::make_shared<const render::Texture>(texture_of(picture)));
+    render::Material& material = description.materials.emplace_back(material_of(mesh.fill));
+    material.name = picture.name;
+    material.texture = static_cast<int>(place->second);
+    description.meshes.push_back({.name = picture.name,
+                                  .material = static_cast<int>(description.materials.size() - 1),
+                                  .positions = std::move(mesh.positions),
+                                  .triangles = std::move(mesh.triangles),
+                                  .normals = std::move(mesh.normals),
+                                  .uvs = std::move(mesh.uvs)});
+  }
   return description;
 }
-
-namespace {
-
-constexpr std::string_view kBuiltIn = "builtin:";
-
-}  // namespace
 
 SceneSequence::SceneSequence(const std::string& scene, frames::Rate rate,
                              const render::LoadOptions& options)

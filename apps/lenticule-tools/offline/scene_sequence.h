@@ -2,10 +2,8 @@
 // describe_built_in makes a render::SceneDescription from a built-in scene.
 #pragma once
 
-#include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "frames/image_io.h"
 #include "frames/rational.h"
