@@ -113,12 +113,8 @@ inline FrameTiming parse_timing(const optics::JsonFields& fields) {
 inline constexpr uint64_t kMostFrameNumber = 1'000'000'000;
 
 inline void parse_frames(const optics::JsonFields& fields, Plan& plan) {
-  const nlohmann::json& range = fields.need("frames");
-  const auto is_number = [](const nlohmann::json& value) {
-    return value.is_number_unsigned() && value.get<uint64_t>() <= kMostFrameNumber;
-  };
-  if (!range.is_array() || range.size() != 2 || !is_number(range[0]) || !is_number(range[1]))
-    fields.fail("frames", "not two frame numbers");
+  const std::vector<uint64_t> range = fields.wholes("frames", kMostFrameNumber);
+  if (range.size() != 2) fields.fail("frames", "not two frame numbers");
   plan.begin = range[0];
   plan.end = range[1];
   if (plan.end <= plan.begin) fields.fail("frames", "contains no frame");

@@ -134,10 +134,8 @@ class PartStream {
   PartStream(const PartStream&) = delete;
   PartStream& operator=(const PartStream&) = delete;
   ~PartStream() {
-    {
-      const std::lock_guard lock(mutex_);
-      thread_.request_stop();
-    }
+    const std::lock_guard lock(mutex_);
+    thread_.request_stop();
     changed_.notify_all();
   }
 
@@ -181,10 +179,8 @@ class PartStream {
                              .first(std::min<uint64_t>(kPiece, opened_.bytes - begin));
       const bool is_read = read_piece(begin, bytes);
       if (is_read) digest_.add(bytes);
-      {
-        const std::lock_guard lock(mutex_);
-        (is_read ? read_ : failed_) += 1;
-      }
+      const std::lock_guard lock(mutex_);
+      (is_read ? read_ : failed_) += 1;
       changed_.notify_all();
       if (!is_read) return;
     }
@@ -251,8 +247,7 @@ class PartReader {
   [[nodiscard]] const std::vector<frames::BandEntry>& entries() const { return entries_; }
 
   /// Passes the next `bytes` bytes to `sink` in spans.
-  template <class Sink>
-  void pass(uint64_t bytes, const Sink& sink) {
+  void pass(uint64_t bytes, const auto& sink) {
     while (bytes > 0) {
       const std::span<const uint8_t> span = stream_->take(bytes);
       if (span.empty()) damaged("it ends too early");

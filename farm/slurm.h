@@ -196,13 +196,8 @@ inline std::string_view trimmed(std::string_view text) {
   SlurmJobs jobs{.merge = fields.whole("merge", UINT64_MAX), .folder = fields.text("folder")};
   for (const nlohmann::json& one : list) {
     const optics::JsonFields job(one, source);
-    const nlohmann::json& chunks = job.need("chunks");
-    if (!chunks.is_array()) job.fail("chunks", "not a list");
-    jobs.arrays.push_back({.id = job.whole("id", UINT64_MAX)});
-    for (const nlohmann::json& chunk : chunks) {
-      if (!chunk.is_number_unsigned()) job.fail("chunks", "not a list of numbers");
-      jobs.arrays.back().chunks.push_back(chunk.get<uint64_t>());
-    }
+    jobs.arrays.push_back(
+        {.id = job.whole("id", UINT64_MAX), .chunks = job.wholes("chunks", UINT64_MAX)});
   }
   return jobs;
 }

@@ -143,6 +143,15 @@ inline Plan read_plan(const std::filesystem::path& folder, const FolderFiles& fi
   return parse_plan(*text, file.string());
 }
 
+/// Creates a folder and those in which it lies. Throws Error(Failed).
+inline void create_folders(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error)
+    throw Error(ErrorKind::Failed,
+                fmt::format("{}: cannot create: {}", folder.string(), error.message()));
+}
+
 /// Renames a file, which replaces `to`. Throws Error(Failed).
 inline void move_file(const std::filesystem::path& from, const std::filesystem::path& to) {
   if (std::rename(from.c_str(), to.c_str()) != 0)
@@ -174,13 +183,8 @@ class WorkFolder {
                   "use another folder, or remove this one");
     }
     const std::string commands = commands_text(plan, program, folder);
-    try {
-      for (const char* part : {"chunks", "reports", "predictors", "attempts", "failures"})
-        std::filesystem::create_directories(folder / part);
-    } catch (const std::filesystem::filesystem_error& error) {
-      throw Error(ErrorKind::Failed,
-                  fmt::format("{}: cannot create: {}", folder.string(), error.code().message()));
-    }
+    for (const char* part : {"chunks", "reports", "predictors", "attempts", "failures"})
+      create_folders(folder / part);
     write_text_file(folder / "commands.txt", commands);
     write_text_file(folder / kPlanFile, plan_to_json(plan));  // last: the folder is complete
   }
@@ -251,14 +255,11 @@ class WorkFolder {
       if (!text) return std::nullopt;
       const nlohmann::json object = optics::parse_json(*text, file.string());
       const optics::JsonFields fields(object, file.string());
-      const nlohmann::json& distances = fields.need("distances");
-      if (!distances.is_array() || distances.size() > frames::kMaxPredictors) return std::nullopt;
+      const std::vector<uint64_t> distances = fields.wholes("distances", UINT32_MAX);
+      if (distances.size() > frames::kMaxPredictors) return std::nullopt;
       frames::PredictorTable table;
-      for (const nlohmann::json& distance : distances) {
-        if (!distance.is_number_unsigned() || distance.get<uint64_t>() > UINT32_MAX)
-          return std::nullopt;
-        table.distance[++table.count] = distance.get<uint32_t>();
-      }
+      for (const uint64_t distance : distances)
+        table.distance[++table.count] = static_cast<uint32_t>(distance);
       const std::string checked = predictors_text(identity_, frame, distances);
       if (fields.text("digest") != digest_of_text(checked) || !is_valid(table)) return std::nullopt;
       return table;

@@ -3,6 +3,7 @@
 // cluster.cpp submit and status.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -58,6 +59,10 @@ struct FarmFlags {
 
 /// Returns this program's name for scripts on other machines: `given`, or the path of lenticule.
 [[nodiscard]] std::string farm_program(const std::string& given);
+
+[[nodiscard]] inline double seconds_since(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
 
 // PlannedFilm renders frames of a farm's plan as `lenticule render` does with the same flags.
 

@@ -92,13 +92,16 @@ class SubmitRun {
   }
 
   ExitCode run() {
-    std::vector<uint64_t> chunks = missing_in_order();
+    std::vector<uint64_t> chunks = farm::chunk_order(folder_.plan());
+    std::erase_if(chunks, [&](uint64_t chunk) { return folder_.done(chunk).has_value(); });
     if (!flags_.dry_run && !jobs_.arrays.empty()) continue_queued(chunks);
     submitted_ = chunks.size();
     if (chunks.empty() && merge_waits_) return report();
-    if (!flags_.dry_run) create_folders();
+    if (!flags_.dry_run) farm::create_folders(folder_.path() / "slurm" / "logs");
     jobs_.folder = folder_.path().string();
-    const uint64_t most = flags_.dry_run ? farm::kDefaultArraySize : max_array_size();
+    const uint64_t most =
+        flags_.dry_run ? farm::kDefaultArraySize
+                       : farm::parse_max_array_size(run_slurm("scontrol", {"show", "config"}));
     for (size_t at = 0; at < chunks.size(); at += most)
       submit_array({chunks.begin() + static_cast<std::ptrdiff_t>(at),
                     chunks.begin() +
@@ -108,25 +111,6 @@ class SubmitRun {
   }
 
  private:
-  [[nodiscard]] std::vector<uint64_t> missing_in_order() const {
-    std::vector<uint64_t> chunks = farm::chunk_order(folder_.plan());
-    std::erase_if(chunks, [&](uint64_t chunk) { return folder_.done(chunk).has_value(); });
-    return chunks;
-  }
-
-  void create_folders() const {
-    std::error_code error;
-    fs::create_directories(folder_.path() / "slurm" / "logs", error);
-    if (error)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("{}: cannot create: {}", (folder_.path() / "slurm/logs").string(),
-                              error.message()));
-  }
-
-  static uint64_t max_array_size() {
-    return farm::parse_max_array_size(run_slurm("scontrol", {"show", "config"}));
-  }
-
   /// Lets a task start that Slurm holds. Where only an administrator may release it, the task is
   /// cancelled and taken out of the queue, so that its chunk or the merge is submitted again.
   void release(const farm::QueuedTask& task, farm::SlurmQueue& queue) {
@@ -298,13 +282,10 @@ class QueueLook {
 
 void print_status(const farm::FarmStatus& status, QueueLook& queue, bool json) {
   const auto [object, lines] = queue.look(status);
-  if (json) {
-    nlohmann::json out = farm::status_json(status);
-    out["slurm"] = object;
-    print_json(out);
-  } else {
-    print_out("{}{}", Verbatim{farm::status_text(status)}, Verbatim{lines});
-  }
+  if (!json) return print_out("{}{}", Verbatim{farm::status_text(status)}, Verbatim{lines});
+  nlohmann::json out = farm::status_json(status);
+  out["slurm"] = object;
+  print_json(out);
 }
 
 /// Waits; returns false if interrupted.

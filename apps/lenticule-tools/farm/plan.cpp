@@ -80,6 +80,11 @@ std::string digest_of_place(const FilmPanel& panel) {
   return farm::digest_of_text(text);
 }
 
+/// Returns the number of threads for a flag of which 0 means all cores.
+int threads_or_all(int threads) {
+  return threads > 0 ? threads : static_cast<int>(std::thread::hardware_concurrency());
+}
+
 /// Returns the name and version of this program, which a plan states.
 std::string program_version() {
   return fmt::format("lenticule {}", LENTICULE_VERSION);
@@ -140,8 +145,7 @@ PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {
 }
 
 int PlannedFilm::threads() const {
-  const int wanted = flags_.options.threads;
-  return wanted > 0 ? wanted : static_cast<int>(std::thread::hardware_concurrency());
+  return threads_or_all(flags_.options.threads);
 }
 
 void PlannedFilm::require_inputs_of(const farm::Chunk& chunk) const {
@@ -159,10 +163,6 @@ void PlannedFilm::require_inputs_of(const farm::Chunk& chunk) const {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
 
 uint64_t peak_resident_bytes() {
   rusage usage{};
@@ -184,8 +184,7 @@ farm::FrameTiming time_frames(FilmRenderer& renderer, const FarmFlags& flags,
                               double start_seconds) {
   farm::FrameTiming timing{.start_seconds = start_seconds};
   const int threads = flags.render.options.threads;
-  timing.threads =
-      threads > 0 ? threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  timing.threads = std::max(1, threads_or_all(threads));
   std::vector<double> seconds;
   frames::WovenFrame frame(renderer.geometry());
   for (const uint64_t number : frames_to_time(renderer.film(), flags.timed_frames)) {
@@ -298,11 +297,8 @@ ExitCode farm_plan(const FarmFlags& flags) {
     throw Error(ErrorKind::Usage, "a file's name is not UTF-8, which a plan cannot contain",
                 "rename the file");
   farm::WorkFolder::create(folder, plan, farm_program(flags.program));
-  if (flags.json) {
-    print_json(plan_result(flags, plan));
-  } else {
-    print_plan(plan, folder);
-  }
+  print_result(plan_result(flags, plan), flags.json,
+               [&](const nlohmann::json&) { print_plan(plan, folder); });
   return kOk;
 }
 

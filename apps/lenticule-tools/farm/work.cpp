@@ -41,10 +41,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 namespace fs = std::filesystem;
 
-double seconds_since(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
-
 /// Returns the name of the node as its scheduler has it, else as the network has it.
 std::string node_name() {
   if (const char* name = std::getenv("SLURMD_NODENAME")) return name;
@@ -59,10 +55,8 @@ class Heartbeat {
   Heartbeat(fs::path file, farm::ChunkProgress progress)
       : file_(std::move(file)), progress_(std::move(progress)), thread_([this] { run(); }) {}
   ~Heartbeat() {
-    {
-      const std::lock_guard lock(mutex_);
-      ended_ = true;
-    }
+    const std::lock_guard lock(mutex_);
+    ended_ = true;
     changed_.notify_all();
   }
   Heartbeat(const Heartbeat&) = delete;
@@ -143,7 +137,7 @@ class ChunkRun {
 
  private:
   ExitCode render() {
-    create_attempts_folder();
+    farm::create_folders(folder_.attempts_folder(chunk_.number));
     const TemporaryFolder attempt(folder_.attempts_folder(chunk_.number));
     Heartbeat heartbeat(attempt.path() / "progress.json",
                         {.node = report_.node, .chunk = chunk_.number, .count = chunk_.count()});
@@ -159,15 +153,6 @@ class ChunkRun {
     agrees_ = folder_.finish_chunk(attempt.path(), file, report_);
     if (flags_.json) print_json(result());
     return kOk;
-  }
-
-  void create_attempts_folder() const {
-    std::error_code error;
-    fs::create_directories(folder_.attempts_folder(chunk_.number), error);
-    if (error)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("{}: cannot create: {}",
-                              folder_.attempts_folder(chunk_.number).string(), error.message()));
   }
 
   /// Returns false if interrupted.
@@ -385,17 +370,15 @@ ExitCode farm_merge(const FarmFlags& flags) {
   if (result.stopped) return player::interrupt_exit_code();
   progress.update(result.chunks);
   progress.finish();
-  const nlohmann::json out = {{"output", film},
-                              {"frames", result.frames},
-                              {"chunks", result.chunks},
-                              {"bytes", result.bytes},
-                              {"complete", result.chunks == plan.chunks()}};
-  if (flags.json) {
-    print_json(out);
-  } else {
-    print_out("{}: {} of {} frames, {} MiB\n", film, result.frames, plan.end - plan.begin,
-              result.bytes >> 20U);
-  }
+  print_result({{"output", film},
+                {"frames", result.frames},
+                {"chunks", result.chunks},
+                {"bytes", result.bytes},
+                {"complete", result.chunks == plan.chunks()}},
+               flags.json, [&](const nlohmann::json&) {
+                 print_out("{}: {} of {} frames, {} MiB\n", film, result.frames,
+                           plan.end - plan.begin, result.bytes >> 20U);
+               });
   return kOk;
 }
 }  // namespace lenticule::tools
