@@ -13,6 +13,7 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "apps/lenticule-tools/offline/flip.h"
@@ -108,6 +109,14 @@ std::vector<PicturePair> picture_pairs(const std::string& reference, const std::
   return {{reference, test}};
 }
 
+/// Reads two pictures of one size. Throws the errors of reading them.
+std::pair<frames::WovenFrame, frames::WovenFrame> read_pair(const PicturePair& files) {
+  frames::WovenFrame reference = frames::read_woven(files.reference);
+  frames::WovenFrame test(reference.geometry());
+  frames::read_woven_into(files.test, test);
+  return {std::move(reference), std::move(test)};
+}
+
 using nlohmann::json;
 
 constexpr std::array<const char*, 3> kChannelNames = {"red", "green", "blue"};
@@ -149,8 +158,8 @@ std::string text_of(const json& figures, const char* name, const char* format) {
   return fmt::format(fmt::runtime(format), figures[name].get<double>());
 }
 
-std::string psnr_text(const json& figures) {
-  const json& psnr = figures["psnr_db"];
+std::string psnr_text(const json& figures, const char* key = "psnr_db") {
+  const json& psnr = figures[key];
   return psnr.is_null() ? "equal" : fmt::format("{:.2f} dB", psnr.get<double>());
 }
 
@@ -194,16 +203,15 @@ void print_views(const json& frame) {
 
 void print_means(const json& report) {
   print_out("over {} frames (MSE pooled; SSIM the mean over frames)\n", report["frames"].size());
-  print_channels(report["means"], "all ");
-  print_out("means of frames: RMSE {:.4f}, PSNR {}\n", report["means"]["mean_rmse"].get<double>(),
-            report["means"]["mean_psnr_db"].is_null()
-                ? "equal"
-                : fmt::format("{:.2f} dB", report["means"]["mean_psnr_db"].get<double>()));
-  if (report["means"].contains("flip"))
-    print_out("mean of frames: FLIP {:.4f}\n", report["means"]["flip"].get<double>());
-  if (!report["means"].contains("views")) return;
-  for (size_t n = 0; n < report["means"]["views"].size(); ++n) {
-    const json& view = report["means"]["views"][n];
+  const json& means = report["means"];
+  print_channels(means, "all ");
+  print_out("means of frames: RMSE {:.4f}, PSNR {}\n", means["mean_rmse"].get<double>(),
+            psnr_text(means, "mean_psnr_db"));
+  if (means.contains("flip"))
+    print_out("mean of frames: FLIP {:.4f}\n", means["flip"].get<double>());
+  if (!means.contains("views")) return;
+  for (size_t n = 0; n < means["views"].size(); ++n) {
+    const json& view = means["views"][n];
     print_line(fmt::format("view {} seen", n), view["total"], text_of(view, "ssim", "{:.4f}"));
   }
 }
@@ -258,10 +266,7 @@ class CompareReport {
 
   /// Adds a pair. Throws the errors of reading and comparing pictures.
   void add(const PicturePair& files) {
-    const frames::WovenFrame reference = frames::read_woven(files.reference);
-    frames::WovenFrame test(reference.geometry());
-    frames::read_woven_into(files.test, test);
-
+    const auto [reference, test] = read_pair(files);
     const auto difference = frames::compare_pictures(reference.view(), test.view());
     nlohmann::json frame = figures_of(difference, over_);
     frame["reference"] = files.reference.string();
@@ -310,8 +315,27 @@ class CompareReport {
     size_t ssim_count = 0;
     size_t frames = 0;
 
-    void add(const frames::PictureDifference& frame, std::optional<double> ssim);
-    [[nodiscard]] nlohmann::json figures(std::optional<double> over) const;
+    void add(const frames::PictureDifference& frame, std::optional<double> ssim) {
+      for (size_t c = 0; c < frame.channels.size(); ++c)
+        difference.channels[c].add(frame.channels[c]);
+      difference.total.add(frame.total);
+      rmse_sum += frame.total.rmse();
+      const auto psnr = frame.total.psnr_db();
+      psnr_sum += psnr.value_or(0.0);
+      psnr_count += psnr ? 1 : 0;
+      ssim_sum += ssim.value_or(0.0);
+      ssim_count += ssim ? 1 : 0;
+      ++frames;
+    }
+    [[nodiscard]] nlohmann::json figures(std::optional<double> over) const {
+      const auto mean = [](double sum, size_t count) { return sum / static_cast<double>(count); };
+      nlohmann::json figures = figures_of(difference, over);
+      figures["mean_rmse"] = frames == 0 ? 0.0 : mean(rmse_sum, frames);
+      figures["mean_psnr_db"] = nullptr;
+      if (psnr_count > 0) figures["mean_psnr_db"] = mean(psnr_sum, psnr_count);
+      if (ssim_count > 0) figures["ssim"] = mean(ssim_sum, ssim_count);
+      return figures;
+    }
   };
 
   nlohmann::json measure_flip(const frames::FrameView& reference, const frames::FrameView& test) {
@@ -360,31 +384,6 @@ class CompareReport {
   nlohmann::json worst_view_;
 };
 
-void CompareReport::Pooled::add(const frames::PictureDifference& frame,
-                                std::optional<double> ssim) {
-  for (size_t c = 0; c < frame.channels.size(); ++c) difference.channels[c].add(frame.channels[c]);
-  difference.total.add(frame.total);
-  rmse_sum += frame.total.rmse();
-  if (const auto psnr = frame.total.psnr_db()) {
-    psnr_sum += *psnr;
-    ++psnr_count;
-  }
-  if (ssim) {
-    ssim_sum += *ssim;
-    ++ssim_count;
-  }
-  ++frames;
-}
-
-nlohmann::json CompareReport::Pooled::figures(std::optional<double> over) const {
-  nlohmann::json figures = figures_of(difference, over);
-  figures["mean_rmse"] = frames == 0 ? 0.0 : rmse_sum / static_cast<double>(frames);
-  figures["mean_psnr_db"] = nullptr;
-  if (psnr_count > 0) figures["mean_psnr_db"] = psnr_sum / static_cast<double>(psnr_count);
-  if (ssim_count > 0) figures["ssim"] = ssim_sum / static_cast<double>(ssim_count);
-  return figures;
-}
-
 /// Prints the table for people, made from the JSON.
 void print_compare_report(const json& report, std::optional<double> over) {
   const json& frames = report["frames"];
@@ -418,9 +417,7 @@ void check_limit(const CompareFlags& flags, const nlohmann::json& worst) {
 }
 
 void write_error_picture(const PicturePair& files, const std::string& output) {
-  const frames::WovenFrame reference = frames::read_woven(files.reference);
-  frames::WovenFrame test(reference.geometry());
-  frames::read_woven_into(files.test, test);
+  const auto [reference, test] = read_pair(files);
   frames::write_woven(frames::error_picture(reference.view(), test.view()).view(), output);
 }
 
@@ -444,10 +441,8 @@ ExitCode run_compare(const CompareFlags& flags) {
   progress.finish();
   const nlohmann::json report = measured.json();
   if (!flags.picture.empty()) write_error_picture(pairs[measured.worst_frame()], flags.picture);
-  if (flags.json)
-    print_json(report);
-  else
-    print_compare_report(report, flags.over);
+  print_result(report, flags.json,
+               [&](const json& figures) { print_compare_report(figures, flags.over); });
   check_limit(flags, report["worst"]);
   return kOk;
 }
