@@ -16,7 +16,6 @@
 #include "base/print.h"
 
 namespace lenticule::tools {
-
 namespace {
 
 /// Escapes text that troff would take for a request or an escape.
@@ -58,29 +57,18 @@ std::string command_section(const CLI::App& app, const std::string& prefix) {
   return text;
 }
 
-constexpr const char* kExitCodes =
-    ".SH EXIT STATUS\n"
-    ".TP\n"
-    "0\n"
-    "success\n"
-    ".TP\n"
-    "1\n"
-    "failure\n"
-    ".TP\n"
-    "2\n"
-    "invalid command line\n"
-    ".TP\n"
-    "3\n"
-    "a device is missing, busy or not permitted\n"
-    ".TP\n"
-    "4\n"
-    "an input is invalid, or was made for another rig\n"
-    ".TP\n"
-    "5\n"
-    "a quality limit was missed\n"
-    ".TP\n"
-    "130, 143\n"
-    "interrupted by Ctrl\\-C or by SIGTERM; finished results are kept\n";
+struct ManualEntry {
+  const char* tag;
+  const char* text;
+};
+constexpr ManualEntry kExitCodes[] = {
+    {"0", "success"},
+    {"1", "failure"},
+    {"2", "invalid command line"},
+    {"3", "a device is missing, busy or not permitted"},
+    {"4", "an input is invalid, or was made for another rig"},
+    {"5", "a quality limit was missed"},
+    {"130, 143", "interrupted by Ctrl\\-C or by SIGTERM; finished results are kept"}};
 
 std::string manual(const CLI::App& root) {
   std::string text = fmt::format(
@@ -95,13 +83,14 @@ std::string manual(const CLI::App& root) {
   for (const cli::Command& command : cli::commands())
     if (command.example[0] != '\0')
       text += fmt::format(".TP\n{}\n\\fB{}\\fR\n", roff(command.summary), roff(command.example));
-  text += kExitCodes;
+  text += ".SH EXIT STATUS\n";
+  for (const auto& [code, meaning] : kExitCodes)
+    text += fmt::format(".TP\n{}\n{}\n", code, meaning);
   text +=
       ".SH ENVIRONMENT\n.TP\n\\fBLENTICULE_ISA\\fR\nlimits the instruction set: baseline, neon, "
       "avx2 or avx512\n.TP\n\\fBLENTICULE_EMBREE_ISA\\fR\nlimits that of "
       "Embree: sse2, sse4.2, avx, avx2 or avx512; with the same one, all processors render the "
-      "same "
-      "bytes\n";
+      "same bytes\n";
   return text;
 }
 

@@ -153,11 +153,7 @@ ExitCode run_depth(DepthFlags& flags) {
   if (!flags.picture.empty()) frames::check_writable_format(flags.picture);
   const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
   const Measured measured = measure(flags, model);
-  const nlohmann::json report = report_json(flags, model, measured);
-  if (flags.json)
-    print_json(report);
-  else
-    print_report(report);
+  print_result(report_json(flags, model, measured), flags.json, print_report);
   return player::interrupt_exit_code();
 }
 

@@ -51,9 +51,12 @@ struct RunTotals {
 };
 
 /// Checks limits that the parser does not know.
-void check_ring_timeout(const RenderCommandFlags& flags) {
+void check_flags(const RenderCommandFlags& flags) {
   if (!(flags.ring_timeout >= 0.0) || flags.ring_timeout > 86400.0)
     throw Error(ErrorKind::Usage, "--ring-timeout: not between 0 and 86400 seconds");
+  if (!flags.render.wall.empty() && !flags.missing.empty())
+    throw Error(ErrorKind::Usage, "--missing: not supported for walls",
+                "render one panel of it with --rig");
 }
 
 /// Checks the flags that --adapt-error needs.
@@ -120,11 +123,6 @@ class AdaptedError {
   uint64_t frames_ = 0;
 };
 
-std::optional<AdaptedError> adapted_of(const RenderCommandFlags& flags) {
-  if (!flags.adapt_rate) return std::nullopt;
-  return AdaptedError(*flags.adapt_rate);
-}
-
 nlohmann::json stage_json(const render::Stage& stage) {
   return {{"mm_per_unit", stage.mm_per_unit},
           {"depth_scale", stage.depth_scale},
@@ -182,10 +180,10 @@ class RenderRun {
   RenderRun(const RenderCommandFlags& flags, FilmPanel panel, std::string target)
       : flags_(flags),
         target_(std::move(target)),
-        adapted_(adapted_of(flags)),
         range_(player::parse_frame_range(flags.render.frames)),
         film_(flags.render, std::move(panel), range_, !flags.missing.empty()),
         output_(open_output(output_request(target_))) {
+    if (flags.adapt_rate) adapted_.emplace(*flags.adapt_rate);
     if (flags.missing.empty()) return;
     if (film_.method().missing_subpixels() == nullptr)
       throw Error(ErrorKind::Usage, fmt::format("--missing: method {} leaves no subpixel empty",
@@ -273,17 +271,14 @@ class RenderRun {
         percent(s.interpolated_subpixels), percent(s.missing_subpixels));
   }
 
-  [[nodiscard]] std::string tolerated_text() const {
-    return adapted_ ? "their frame's error"
-                    : fmt::format("{:g} code values", flags_.render.options.tolerated_error);
-  }
-
   void report_audit(double shaded_percent) const {
     const render::RenderStatistics& s = totals_.rays;
+    const std::string tolerated =
+        adapted_ ? "their frame's error"
+                 : fmt::format("{:g} code values", flags_.render.options.tolerated_error);
     say("subpixels: {:.1f} % shaded individually; of {} sampled and traced, {} were off by more "
         "than {}; in no frame more than {:.2g} % of all (99.99 % confidence)\n",
-        shaded_percent, s.audited_subpixels, s.audited_beyond, tolerated_text(),
-        100.0 * s.beyond_bound);
+        shaded_percent, s.audited_subpixels, s.audited_beyond, tolerated, 100.0 * s.beyond_bound);
     if (s.rmse_bound > 0.0)
       say("RMSE of the worst frame: at most {:.2f} code values or {:.1f} dB (99 % confidence); of "
           "the sampled subpixels {:.2f}\n",
@@ -312,12 +307,6 @@ ExitCode render_panel(const RenderCommandFlags& flags) {
   const ExitCode code = run.run();
   if (flags.json) print_json(run.result());
   return code;
-}
-
-void check_wall_flags(const RenderCommandFlags& flags) {
-  if (!flags.render.wall.empty() && !flags.missing.empty())
-    throw Error(ErrorKind::Usage, "--missing: not supported for walls",
-                "render one panel of it with --rig");
 }
 
 /// Renders the films of all panels of a wall, one after the other, or only that of --panel.
@@ -374,8 +363,7 @@ cli::Run declare_render(CLI::App& app) {
       ->group("Quality")
       ->type_name("FILE");
   return [flags, complete, &app]() -> ExitCode {
-    check_ring_timeout(*flags);
-    check_wall_flags(*flags);
+    check_flags(*flags);
     if (flags->adapt_rate) check_adapting(*flags, app.count("--error") + app.count("--psnr") > 0);
     if (!flags->rig_store.empty())
       flags->render.rig = optics::RigStore(flags->render.rig, flags->rig_store).in_use().string();

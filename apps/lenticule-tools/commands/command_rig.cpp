@@ -38,6 +38,19 @@ struct RigWallFlags {
   std::string rigs;  ///< folder for the rigs of the panels
 };
 
+struct RigOptions {
+  std::string file;
+  std::string output;
+  std::string format = "auto";
+  std::string mounting;
+  double offset_by = 0.0;
+  double pitch_by = 0.0;
+  RigWallFlags wall;
+  bool reset_trim = false;
+  bool as_json = false;
+  ExitCode (*action)(const RigOptions&) = nullptr;  ///< of the given subcommand
+};
+
 using nlohmann::json;
 using optics::PlacedPanel;
 using optics::PlacedWall;
@@ -203,36 +216,19 @@ void declare_rig_wall_flags(CLI::App& app, RigWallFlags& flags) {
 }
 
 /// Throws Error(Input) and Error(Failed).
-ExitCode rig_wall(const RigWallFlags& flags, bool as_json) {
+ExitCode rig_wall(const RigOptions& options) {
+  const RigWallFlags& flags = options.wall;
   const PlacedWall wall = optics::load_wall(flags.file);
   if (!flags.svg.empty()) write_text_file(flags.svg, drawing(wall));
   if (!flags.rigs.empty()) write_rigs(wall, flags.rigs);
-  if (as_json)
-    print_json(wall_json(wall));
-  else
-    print_wall(wall);
+  lenticule::print_result(wall_json(wall), options.as_json, [&](const json&) { print_wall(wall); });
   return kOk;
 }
-
-// lenticule rig show|check|import|export|trim|mount|wall shows, checks, converts, trims and turns
-// rig files, and shows walls of several panels.
 
 using optics::OpticalModel;
 using optics::Rig;
 
 constexpr size_t kMaxCalibrationBytes = 4u << 20;
-
-struct RigOptions {
-  std::string file;
-  std::string output;
-  std::string format = "auto";
-  std::string mounting;
-  double offset_by = 0.0;
-  double pitch_by = 0.0;
-  RigWallFlags wall;
-  bool reset_trim = false;
-  bool as_json = false;
-};
 
 double degrees(double tangent) {
   return std::atan(tangent) * 180.0 / std::numbers::pi;
@@ -259,11 +255,7 @@ void print_text(const json& value, int indent = 0) {
 }
 
 void print_result(const json& value, bool as_json) {
-  if (as_json) {
-    print_json(value);
-  } else {
-    print_text(value);
-  }
+  lenticule::print_result(value, as_json, [](const json& result) { print_text(result); });
 }
 
 json panel_json(const optics::Panel& panel) {
@@ -336,7 +328,7 @@ ExitCode show_rig(const RigOptions& options) {
 }
 
 /// Returns warnings about values that are possible and probably wrong.
-std::vector<std::string> warnings_about(const OpticalModel& model) {
+std::vector<std::string> warnings_about(const OpticalModel& model, const optics::Trim& trim) {
   constexpr double kEyesMm = 65.0;
   const Rig& rig = model.rig();
   const optics::LensSheet& sheet = rig.sheet;
@@ -363,29 +355,23 @@ std::vector<std::string> warnings_about(const OpticalModel& model) {
                        [](double a, double b) { return std::abs(a) < std::abs(b); });
   warn(largest != sheet.residual.lenses.end() && std::abs(*largest) > 1.0,
        "sheet.residual: corrections of more than a whole lens");
+  // A sheet of acrylic expands by 7e-5 per kelvin relative to the panel's glass.
+  warn(std::abs(trim.pitch_relative) > 1e-3 || std::abs(trim.offset.value) > 0.5,
+       "trim: larger than a drift; calibrate again");
   return warnings;
-}
-
-/// Warns of an unusually large trim. A sheet of acrylic expands by 7e-5 per kelvin relative to the
-/// panel's glass.
-void warn_of_trim(const optics::Trim& trim, std::vector<std::string>& warnings) {
-  constexpr double kMuchPitch = 1e-3, kMuchOffset = 0.5;
-  if (std::abs(trim.pitch_relative) > kMuchPitch || std::abs(trim.offset.value) > kMuchOffset)
-    warnings.emplace_back("trim: larger than a drift; calibrate again");
 }
 
 ExitCode check_rig(const RigOptions& options) {
   try {
     const OpticalModel model(optics::load_trimmed_rig(options.file));
-    std::vector<std::string> warnings = warnings_about(model);
-    warn_of_trim(optics::load_trim(options.file), warnings);
-    if (options.as_json) {
-      print_json({{"file", options.file}, {"valid", true}, {"warnings", warnings}});
-    } else {
+    const auto warnings = warnings_about(model, optics::load_trim(options.file));
+    const auto print_warnings = [&](const json&) {
       for (const std::string& warning : warnings) print_out("warning: {}\n", warning);
       print_out("{}: valid, {} warning{}\n", options.file, warnings.size(),
                 warnings.size() == 1 ? "" : "s");
-    }
+    };
+    lenticule::print_result({{"file", options.file}, {"valid", true}, {"warnings", warnings}},
+                            options.as_json, print_warnings);
     return kOk;
   } catch (const Error& error) {
     if (!options.as_json || error.kind() != ErrorKind::Input) throw;
@@ -395,12 +381,6 @@ ExitCode check_rig(const RigOptions& options) {
                 {"hint", error.hint()}});
     return kInput;
   }
-}
-
-/// Returns the format: CubeVi files have an interval, a visual.json has a pitch.
-std::string recognised_format(const std::string& text) {
-  const bool is_cubevi = text.find("\"interval\"") != std::string::npos;
-  return is_cubevi ? "cubevi" : "lkg";
 }
 
 struct Import {
@@ -419,7 +399,9 @@ Import import_as(const std::string& format, const std::string& text, const std::
 
 ExitCode import_calibration(const RigOptions& options) {
   const std::string text = read_text_file(options.file, kMaxCalibrationBytes);
-  const std::string format = options.format == "auto" ? recognised_format(text) : options.format;
+  std::string format = options.format;
+  if (format == "auto")  // CubeVi files have an interval, a visual.json has a pitch
+    format = text.find("\"interval\"") != std::string::npos ? "cubevi" : "lkg";
   const auto [rig, inverted_views] = import_as(format, text, options.file);
   const std::filesystem::path kept = optics::save_with_history(rig, options.output);
   optics::save_trim({}, options.output);  // an existing trim belonged to the previous rig
@@ -528,35 +510,33 @@ ExitCode on_chosen_rig(const RigOptions& options) {
   return run(chosen);
 }
 
-using Action = ExitCode (*)(const RigOptions&);
-
-CLI::App* add_action(CLI::App& app, const char* name, const char* summary, const char* example,
-                     const std::shared_ptr<RigOptions>& options) {
-  CLI::App* sub = app.add_subcommand(name, summary);
-  sub->footer(fmt::format("Example:\n  {}", example));
-  sub->add_flag("--json", options->as_json, "print JSON");
-  return sub;
-}
-
 }  // namespace
 
 cli::Run declare_rig(CLI::App& app) {
   auto options = std::make_shared<RigOptions>();
   app.require_subcommand(1);
+  const auto add = [&app, options](const char* name, decltype(options->action) action,
+                                   const char* summary, const char* example) {
+    CLI::App* sub = app.add_subcommand(name, summary);
+    sub->footer(fmt::format("Example:\n  {}", example));
+    sub->add_flag("--json", options->as_json, "print JSON");
+    sub->callback([options, action] { options->action = action; });
+    return sub;
+  };
+  const auto add_chosen_rig = [options](CLI::App* sub) {
+    sub->add_option("RIG", options->file, "rig file")->default_str("that of the connected panel");
+  };
 
-  CLI::App* show_app = add_action(app, "show", "print a rig and the values that follow from it",
-                                  "lenticule rig show kiosk-27-4k.toml", options);
-  show_app->add_option("RIG", options->file, "rig file")
-      ->default_str("that of the connected panel");
-
-  CLI::App* check_app = add_action(app, "check", "check whether a rig is valid and plausible",
-                                   "lenticule rig check kiosk-27-4k.toml", options);
-  check_app->add_option("RIG", options->file, "rig file")
-      ->default_str("that of the connected panel");
+  add_chosen_rig(add("show", on_chosen_rig<show_rig>,
+                     "print a rig and the values that follow from it",
+                     "lenticule rig show kiosk-27-4k.toml"));
+  add_chosen_rig(add("check", on_chosen_rig<check_rig>,
+                     "check whether a rig is valid and plausible",
+                     "lenticule rig check kiosk-27-4k.toml"));
 
   CLI::App* import_app =
-      add_action(app, "import", "create a rig file from another system's calibration",
-                 "lenticule rig import visual.json -o portrait.toml", options);
+      add("import", import_calibration, "create a rig file from another system's calibration",
+          "lenticule rig import visual.json -o portrait.toml");
   import_app->add_option("FILE", options->file, "calibration file")->required();
   import_app->add_option("-o,--output", options->output, "rig file to write")
       ->type_name("RIG.toml")
@@ -566,27 +546,26 @@ cli::Run declare_rig(CLI::App& app) {
       ->capture_default_str();
 
   CLI::App* export_app =
-      add_action(app, "export", "write a rig as another system's calibration",
-                 "lenticule rig export kiosk-27-4k.toml --format lkg -o visual.json", options);
+      add("export", export_calibration, "write a rig as another system's calibration",
+          "lenticule rig export kiosk-27-4k.toml --format lkg -o visual.json");
   export_app->add_option("RIG", options->file, "rig file")->required();
   export_app->add_option("--format", options->format, "lkg (visual.json) or cubevi")
       ->check(CLI::IsMember({"lkg", "cubevi"}));
   export_app->add_option("-o,--output", options->output, "file to write")->type_name("FILE");
 
-  CLI::App* trim_app =
-      add_action(app, "trim", "correct drift since a rig was calibrated, in a file beside it",
-                 "lenticule rig trim kiosk-27-4k.toml --offset-by 0.02", options);
-  trim_app->add_option("RIG", options->file, "rig file")
-      ->default_str("that of the connected panel");
+  CLI::App* trim_app = add("trim", on_chosen_rig<change_trim>,
+                           "correct drift since a rig was calibrated, in a file beside it",
+                           "lenticule rig trim kiosk-27-4k.toml --offset-by 0.02");
+  add_chosen_rig(trim_app);
   trim_app->add_option("--offset-by", options->offset_by,
                        "shift the picture under the lenses by this many lenses: 0.02");
   trim_app->add_option("--pitch-by", options->pitch_by, "change the pitch by this fraction: 1e-5");
   trim_app->add_flag("--reset", options->reset_trim,
                      "start from the calibration, without the present trim");
 
-  CLI::App* mount_app = add_action(
-      app, "mount", "write the rig of a panel that is hung in another way than it was measured",
-      "lenticule rig mount kiosk-27-4k.toml 180 -o upside-down.toml", options);
+  CLI::App* mount_app = add(
+      "mount", mount, "write the rig of a panel that is hung in another way than it was measured",
+      "lenticule rig mount kiosk-27-4k.toml 180 -o upside-down.toml");
   mount_app->add_option("RIG", options->file, "rig file")->required();
   mount_app
       ->add_option("MOUNTING", options->mounting,
@@ -598,23 +577,10 @@ cli::Run declare_rig(CLI::App& app) {
       ->required();
 
   CLI::App* wall_app =
-      add_action(app, "wall", "show a wall of several panels: sizes, gaps and a drawing",
-                 "lenticule rig wall lobby.toml --svg lobby.svg --rigs lobby", options);
+      add("wall", rig_wall, "show a wall of several panels: sizes, gaps and a drawing",
+          "lenticule rig wall lobby.toml --svg lobby.svg --rigs lobby");
   declare_rig_wall_flags(*wall_app, options->wall);
 
-  const std::vector<std::pair<const CLI::App*, Action>> actions = {
-      {show_app, on_chosen_rig<show_rig>},
-      {check_app, on_chosen_rig<check_rig>},
-      {import_app, import_calibration},
-      {export_app, export_calibration},
-      {trim_app, on_chosen_rig<change_trim>},
-      {mount_app, mount},
-      {wall_app, [](const RigOptions& o) { return rig_wall(o.wall, o.as_json); }}};
-  return [options, actions]() -> ExitCode {
-    for (const auto& [sub, action] : actions) {
-      if (sub->parsed()) return action(*options);
-    }
-    throw Error(ErrorKind::Usage, "rig: no action", "see lenticule rig --help");
-  };
+  return [options]() -> ExitCode { return options->action(*options); };
 }
 }  // namespace lenticule::tools

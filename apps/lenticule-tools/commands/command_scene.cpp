@@ -10,7 +10,6 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "apps/lenticule-tools/cli/render_flags.h"
@@ -223,8 +222,6 @@ void print_scene_report(const json& r) {
   if (r["notes"].empty()) print_entry("notes", "none");
 }
 
-// lenticule scene lists and writes the built-in scenes, and shows what a scene file holds.
-
 struct SceneFlags {
   std::string name;
   std::optional<int> size;
@@ -264,47 +261,18 @@ nlohmann::json list_as_json() {
   return list;
 }
 
-std::string frames_text(int frames) {
-  return frames == 1 ? "still" : fmt::format("{} frames", frames);
-}
-
 void print_list(const nlohmann::json& list) {
-  for (const auto& scene : list)
+  for (const auto& scene : list) {
+    const auto frames = scene["frames"].get<int>();
     print_out(
         "{0:<12} {1}\n{2:<12} {3} primitives, {4} lights, {5}{6}\n"
         "{2:<12} size {7} (1..{8}): {9}\n",
         scene["name"].get<std::string>(), scene["summary"].get<std::string>(), "",
         scene["primitives"].get<int>(), scene["lights"].get<int>(),
-        frames_text(scene["frames"].get<int>()),
+        frames == 1 ? "still" : fmt::format("{} frames", frames),
         scene["wears_pictures"].get<bool>() ? ", pictures" : "", scene["default_size"].get<int>(),
         scene["largest_size"].get<int>(), scene["size_meaning"].get<std::string>());
-}
-
-void write_text(const std::string& file, const std::string& text) {
-  write_file_atomically(file, {reinterpret_cast<const uint8_t*>(text.data()), text.size()});
-}
-
-/// A scene as text of a file, with notes about what the format cannot express.
-struct Written {
-  std::string text;
-  std::vector<std::string> notes;
-};
-
-Written as_nff(const scenes::BuiltInScene& scene, const SceneFlags& flags) {
-  Written written{scenes::write_scene(scene, flags.size, flags.frame), {}};
-  if (!scenes::build_scene(scene, 1).pictured.empty())
-    written.notes.emplace_back(
-        "NFF has no textures: textured surfaces have their mean colour; 'lenticule render "
-        "builtin:NAME' shows the textures");
-  return written;
-}
-
-Written written_as(const std::string& output, const scenes::BuiltInScene& scene,
-                   const SceneFlags& flags) {
-  const std::string extension = std::filesystem::path(output).extension().string();
-  if (output.empty() || extension == ".nff") return as_nff(scene, flags);
-  throw Error(ErrorKind::Usage, fmt::format("{}: scenes are written as .nff", output),
-              "use a name that ends in .nff");
+  }
 }
 
 /// Writes one scene. With --camera and without -o, writes only the camera.
@@ -315,22 +283,29 @@ void write_one(const SceneFlags& flags) {
                 "scene: --json needs -o FILE, because the scene is written to standard output",
                 "'lenticule scene list --json' lists the scenes");
   const scenes::BuiltInScene& scene = scenes::find_scene(flags.name);
-  const Written written = written_as(flags.output, scene, flags);
-  if (to_standard_output) return print_out("{}", Verbatim{written.text});
+  if (!flags.output.empty() && std::filesystem::path(flags.output).extension() != ".nff")
+    throw Error(ErrorKind::Usage, fmt::format("{}: scenes are written as .nff", flags.output),
+                "use a name that ends in .nff");
+  const std::string text = scenes::write_scene(scene, flags.size, flags.frame);
+  if (to_standard_output) return print_out("{}", Verbatim{text});
   nlohmann::json done = {{"name", scene.name},
                          {"size", flags.size.value_or(scene.default_size)},
                          {"frame", flags.frame},
                          {"frames", scene.frames}};
   if (!flags.camera.empty()) {
-    write_text(flags.camera, scenes::write_camera_path(scene, flags.size));
+    write_text_file(flags.camera, scenes::write_camera_path(scene, flags.size));
     done["camera"] = flags.camera;
   }
   if (!flags.output.empty()) {
-    write_text(flags.output, written.text);
+    write_text_file(flags.output, text);
+    std::vector<std::string> notes;  // about what the format cannot express
+    if (!scenes::build_scene(scene, 1).pictured.empty())
+      notes.emplace_back(
+          "NFF has no textures: textured surfaces have their mean colour; 'lenticule render "
+          "builtin:NAME' shows the textures");
     done.update(to_json(scenes::build_scene(scene, flags.size, flags.frame).counts));
-    done.update(
-        {{"output", flags.output}, {"bytes", written.text.size()}, {"notes", written.notes}});
-    for (const std::string& note : written.notes) say("{}: {}\n", flags.output, note);
+    done.update({{"output", flags.output}, {"bytes", text.size()}, {"notes", notes}});
+    for (const std::string& note : notes) say("{}: {}\n", flags.output, note);
   }
   if (flags.json) print_json(done);
 }
@@ -356,10 +331,7 @@ void show_scene(const SceneFlags& flags) {
     write_thumbnail(first, view, flags.thumbnail);
     report["output"] = flags.thumbnail;
   }
-  if (flags.json)
-    print_json(report);
-  else
-    print_scene_report(report);
+  print_result(report, flags.json, print_scene_report);
 }
 
 CLI::App* declare_show(CLI::App& app, const std::shared_ptr<SceneFlags>& flags) {
@@ -373,14 +345,6 @@ CLI::App* declare_show(CLI::App& app, const std::shared_ptr<SceneFlags>& flags) 
   sub->add_flag("--json", flags->json, "print as JSON");
   declare_model_flags(*sub, flags->load);
   return sub;
-}
-
-void list(const SceneFlags& flags) {
-  const nlohmann::json list = list_as_json();
-  if (flags.json)
-    print_json(list);
-  else
-    print_list(list);
 }
 
 }  // namespace
@@ -402,7 +366,7 @@ cli::Run declare_scene(CLI::App& app) {
     if (show_app->parsed())
       show_scene(*flags);
     else if (flags->name == "list")
-      list(*flags);
+      print_result(list_as_json(), flags->json, print_list);
     else if (!flags->name.empty())
       write_one(*flags);
     else

@@ -79,14 +79,6 @@ std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const opt
   return input;
 }
 
-/// Returns the views to weave: unchanged, or with crosstalk compensation.
-const frames::ViewSet& compensated(const frames::ViewSet& views, const std::string& crosstalk,
-                                   const optics::Rig& rig, std::optional<frames::ViewSet>& kept) {
-  const auto wanted = player::crosstalk_of(crosstalk, rig, views.count());
-  if (!wanted) return views;
-  return kept.emplace(frames::compensate(views, *wanted));
-}
-
 /// Weaves with the reference implementation; returns false if interrupted.
 bool weave_by_reference(const frames::ViewSet& views, const optics::OpticalModel& model,
                         const frames::WeaveOptions& options, frames::WovenFrame& frame) {
@@ -146,9 +138,11 @@ ExitCode run_weave(const WeaveFlags& flags) {
       {.target = flags.output, .range = {.begin = 0, .end = 1}, .overwrite = flags.overwrite},
       geometry, [&flags](uint64_t) { return flags.output; });
   const std::unique_ptr<frames::ViewInput> input = load_views(flags, model.rig());
-  std::optional<frames::ViewSet> kept;
+  const frames::ViewSet& given = input->views();
+  const auto crosstalk = player::crosstalk_of(flags.weaving.crosstalk, model.rig(), given.count());
+  std::optional<frames::ViewSet> compensated;
   const frames::ViewSet& views =
-      compensated(input->views(), flags.weaving.crosstalk, model.rig(), kept);
+      crosstalk ? compensated.emplace(frames::compensate(given, *crosstalk)) : given;
   if (player::interrupted()) return player::interrupt_exit_code();
   if (!flags.quilt.empty())
     say("{}: the views\n", frames::write_quilt(views, flags.quilt).string());
@@ -161,10 +155,7 @@ ExitCode run_weave(const WeaveFlags& flags) {
   const nlohmann::json done = report(flags, views, options, model.rig());
   refuse_damage(*input, flags);
   frames::write_woven(frame.view(), flags.output);
-  if (flags.json)
-    print_json(done);
-  else
-    print_report(done);
+  print_result(done, flags.json, print_report);
   return kOk;
 }
 
