@@ -184,21 +184,159 @@ class Feed {
   [[nodiscard]] uint64_t published() const { return published_; }
 
  private:
-  void check_layout(const PixelVerdict& verdict) const;
-  [[nodiscard]] bool play(uint64_t skip, bool resumes);
-  void find_known();
-  void start_over();
-  [[nodiscard]] bool fits_ring();
-  [[nodiscard]] bool show(uint64_t frame);
-  void report_position(uint64_t frame);
-  void report_broken();
-  void report_clip();
+  void check_layout(const PixelVerdict& verdict) const {
+    if (!verdict.layout)
+      throw Error(ErrorKind::Input, request_.file + ": " + verdict.refusal,
+                  "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
+    if (verdict.layout->subsampled() && !request_.before_weaving)
+      throw Error(ErrorKind::Input,
+                  request_.file + ": chroma " + verdict.sampling +
+                      " mixes the colours of neighbouring subpixels",
+                  "weave it from a quilt instead, or use --before-weaving");
+  }
+  /// Plays the clip once; returns false if the player is gone.
+  [[nodiscard]] bool play(uint64_t skip, bool resumes) {
+    const uint64_t begin = request_.begin, first = begin + skip;
+    times_ = FrameTimes(clip_, request_.rate);
+    if (resumes && request_.known_time && request_.known_frame > 0 && request_.known_frame <= first)
+      find_known();
+    while (begin + clip_length_ < request_.end) {
+      if (!std::exchange(have_frame_, false) && clip_.next() == ClipReader::Step::End) break;
+      if (!fits_ring()) continue;
+      if (!times_.begun()) first_time_ = clip_.time();
+      const uint64_t before = times_.number();
+      uint64_t frame = times_.place(clip_.time(), duration_of(clip_.frame()));
+      // A range that begins while a frame stays begins with the next one.
+      if (before < begin && frame > begin) frame = begin;
+      if (frame >= request_.end) break;
+      if (frame >= begin) clip_length_ = frame - begin + 1;
+      if (frame >= first && !show(frame)) return false;
+      report_position(frame);
+    }
+    if (clip_length_ > 0) clip_length_ = std::min(times_.length(), request_.end) - begin;
+    return true;
+  }
+  /// Moves the reader to the known frame if the file leads there. The first frame tells where time
+  /// begins, and may be the only one that tells which eye a view is for.
+  void find_known() {
+    const int64_t known = *request_.known_time;
+    if (clip_.next() == ClipReader::Step::Frame) first_time_ = clip_.time();
+    if (first_time_ != AV_NOPTS_VALUE && clip_.seek(known)) {
+      while (clip_.next() == ClipReader::Step::Frame) {
+        have_frame_ = clip_.time() == known && fits_ring();
+        if (have_frame_) return times_.resume(first_time_, known, request_.known_frame);
+        if (clip_.time() == AV_NOPTS_VALUE || clip_.time() > known) break;
+      }
+    }
+    clip_.reopen();
+  }
+  /// Returns to the start. Seeking is fast and is accepted only if it leads to the first frame.
+  void start_over() {
+    clip_length_ = 0;
+    if (first_time_ != AV_NOPTS_VALUE && clip_.seek(first_time_) &&
+        clip_.next() == ClipReader::Step::Frame && clip_.time() == first_time_) {
+      have_frame_ = true;
+      return;
+    }
+    clip_.reopen();
+  }
+  [[nodiscard]] bool fits_ring() {
+    const AVFrame& frame = clip_.frame();
+    const AVFrame* const second = clip_.second_view();
+    frames::FrameGeometry size =
+        frames::oriented_geometry({.width = frame.width, .height = frame.height}, orientation());
+    const bool equal =
+        second == nullptr || (second->width == frame.width && second->height == frame.height &&
+                              second->format == frame.format);
+    if (second != nullptr) size.width *= 2;
+    if (equal && size == ring_.geometry()) return true;
+    ++wrong_size_;
+    return false;
+  }
+  [[nodiscard]] bool show(uint64_t frame) {
+    prepare_converter();
+    const uint64_t number =
+        frames::ring_number(round_ + frame - request_.begin, frame == request_.begin);
+    std::span<uint8_t> slot;
+    frames::RingStatus status = frames::RingStatus::TimedOut;
+    while (status == frames::RingStatus::TimedOut)
+      status = ring_.acquire(number, kSlotTimeout, slot);
+    if (status == frames::RingStatus::Gone) return false;
+    fill(slot);
+    if (ring_.publish() == frames::RingStatus::Gone) return false;
+    ++published_;
+    return true;
+  }
+  /// Reports a position from which another process could continue, and that this process is alive
+  /// while it skips frames.
+  void report_position(uint64_t frame) {
+    const Clock::time_point now = Clock::now();
+    const int64_t previous = std::exchange(previous_time_, clip_.time());
+    if (now - last_report_ < kReportInterval) return;
+    if (!is_key_frame(clip_.frame()) && published_ > 0) return;
+    if (clip_.time() <= previous && published_ > 0) return;
+    last_report_ = now;
+    json event = {{"event", "position"}, {"frame", frame}, {"time", nullptr}};
+    if (clip_.time() != AV_NOPTS_VALUE) event["time"] = clip_.time();
+    report_event(event);
+    report_broken();
+  }
+  void report_broken() {
+    const uint64_t broken = clip_.broken_packets() + wrong_size_ + clip_.faulty_frames();
+    if (broken == reported_broken_) return;
+    reported_broken_ = broken;
+    report_event({{"event", "broken"}, {"count", broken}});
+  }
+  /// Reports the end of a round: its length, and the number of frames that the file claims to have,
+  /// and which neither came nor were left out.
+  void report_clip() {
+    report_broken();
+    const uint64_t left_out = clip_.broken_packets() + wrong_size_;
+    const uint64_t in_round = left_out - std::exchange(left_out_before_, left_out);
+    // A range ends at a known frame; a container may be wrong about its last frame.
+    const bool whole = request_.begin == 0 && request_.end == DecodeRequest{}.end;
+    const std::optional<ExpectedFrames> expected = clip_.expected();
+    report_event(
+        {{"event", "clip"},
+         {"frames", clip_length_},
+         {"missing", whole && expected ? times_.missing(*expected, in_round) : uint64_t{0}}});
+  }
   [[nodiscard]] frames::Orientation orientation() const {
     return static_cast<frames::Orientation>(request_.orientation);
   }
-  void fill(std::span<uint8_t> slot);
-  void convert(const AVFrame& frame, std::span<uint8_t> out);
-  void prepare_converter();
+  /// Fills a slot with the picture, or with those of both eyes side by side.
+  void fill(std::span<uint8_t> slot) {
+    const AVFrame* const second = clip_.second_view();
+    if (second == nullptr) return convert(clip_.frame(), slot);
+    eye_.resize(slot.size() / 2);
+    const size_t row = slot.size() / 2 / static_cast<size_t>(ring_.geometry().height);
+    for (const bool right : {false, true}) {
+      convert(right == clip_.begins_with_right() ? clip_.frame() : *second, eye_);
+      for (size_t from = 0; from < eye_.size(); from += row)
+        std::ranges::copy(std::span(eye_).subspan(from, row),
+                          slot.subspan(2 * from + (right ? row : 0)).begin());
+    }
+  }
+  void convert(const AVFrame& frame, std::span<uint8_t> out) {
+    PicturePlanes picture{.width = frame.width, .height = frame.height};
+    for (size_t i = 0; i < picture.data.size(); ++i) {
+      picture.data[i] = frame.data[i];
+      picture.stride[i] = frame.linesize[i];
+    }
+    if (orientation() == frames::Orientation::Upright) return converter_->convert(picture, out);
+    const frames::FrameGeometry stored{.width = picture.width, .height = picture.height};
+    stored_.resize(stored.frame_bytes());
+    converter_->convert(picture, stored_);
+    frames::turn_upright(stored_, stored, orientation(), out);
+  }
+  void prepare_converter() {
+    const PixelTags tags = tags_of(clip_.frame(), stream_tags_);
+    if (converter_ && converter_tags_ == tags) return;
+    const PixelVerdict verdict = evaluate_pixels(tags);
+    check_layout(verdict);
+    converter_.emplace(*verdict.layout, clip_.frame().width, clip_.frame().height);
+    converter_tags_ = tags;
+  }
 
   const DecodeRequest& request_;
   frames::RingRenderer& ring_;
@@ -220,167 +358,6 @@ class Feed {
   std::vector<uint8_t> eye_;      ///< one eye's picture
   Clock::time_point last_report_ = Clock::now();
 };
-
-void Feed::check_layout(const PixelVerdict& verdict) const {
-  if (!verdict.layout)
-    throw Error(ErrorKind::Input, request_.file + ": " + verdict.refusal,
-                "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
-  if (verdict.layout->subsampled() && !request_.before_weaving)
-    throw Error(ErrorKind::Input,
-                request_.file + ": chroma " + verdict.sampling +
-                    " mixes the colours of neighbouring subpixels",
-                "weave it from a quilt instead, or use --before-weaving");
-}
-
-bool Feed::fits_ring() {
-  const AVFrame& frame = clip_.frame();
-  const AVFrame* const second = clip_.second_view();
-  frames::FrameGeometry size =
-      frames::oriented_geometry({.width = frame.width, .height = frame.height}, orientation());
-  const bool equal =
-      second == nullptr || (second->width == frame.width && second->height == frame.height &&
-                            second->format == frame.format);
-  if (second != nullptr) size.width *= 2;
-  if (equal && size == ring_.geometry()) return true;
-  ++wrong_size_;
-  return false;
-}
-
-/// Moves the reader to the known frame if the file leads there. The first frame tells where time
-/// begins, and may be the only one that tells which eye a view is for.
-void Feed::find_known() {
-  const int64_t known = *request_.known_time;
-  if (clip_.next() == ClipReader::Step::Frame) first_time_ = clip_.time();
-  if (first_time_ != AV_NOPTS_VALUE && clip_.seek(known)) {
-    while (clip_.next() == ClipReader::Step::Frame) {
-      have_frame_ = clip_.time() == known && fits_ring();
-      if (have_frame_) return times_.resume(first_time_, known, request_.known_frame);
-      if (clip_.time() == AV_NOPTS_VALUE || clip_.time() > known) break;
-    }
-  }
-  clip_.reopen();
-}
-
-/// Plays the clip once; returns false if the player is gone.
-bool Feed::play(uint64_t skip, bool resumes) {
-  const uint64_t begin = request_.begin, first = begin + skip;
-  times_ = FrameTimes(clip_, request_.rate);
-  if (resumes && request_.known_time && request_.known_frame > 0 && request_.known_frame <= first)
-    find_known();
-  while (begin + clip_length_ < request_.end) {
-    if (!std::exchange(have_frame_, false) && clip_.next() == ClipReader::Step::End) break;
-    if (!fits_ring()) continue;
-    if (!times_.begun()) first_time_ = clip_.time();
-    const uint64_t before = times_.number();
-    uint64_t frame = times_.place(clip_.time(), duration_of(clip_.frame()));
-    // A range that begins while a frame stays begins with the next one.
-    if (before < begin && frame > begin) frame = begin;
-    if (frame >= request_.end) break;
-    if (frame >= begin) clip_length_ = frame - begin + 1;
-    if (frame >= first && !show(frame)) return false;
-    report_position(frame);
-  }
-  if (clip_length_ > 0) clip_length_ = std::min(times_.length(), request_.end) - begin;
-  return true;
-}
-
-/// Returns to the start. Seeking is fast and is accepted only if it leads to the first frame.
-void Feed::start_over() {
-  clip_length_ = 0;
-  if (first_time_ != AV_NOPTS_VALUE && clip_.seek(first_time_) &&
-      clip_.next() == ClipReader::Step::Frame && clip_.time() == first_time_) {
-    have_frame_ = true;
-    return;
-  }
-  clip_.reopen();
-}
-
-void Feed::prepare_converter() {
-  const PixelTags tags = tags_of(clip_.frame(), stream_tags_);
-  if (converter_ && converter_tags_ == tags) return;
-  const PixelVerdict verdict = evaluate_pixels(tags);
-  check_layout(verdict);
-  converter_.emplace(*verdict.layout, clip_.frame().width, clip_.frame().height);
-  converter_tags_ = tags;
-}
-
-bool Feed::show(uint64_t frame) {
-  prepare_converter();
-  const uint64_t number =
-      frames::ring_number(round_ + frame - request_.begin, frame == request_.begin);
-  std::span<uint8_t> slot;
-  frames::RingStatus status = frames::RingStatus::TimedOut;
-  while (status == frames::RingStatus::TimedOut) status = ring_.acquire(number, kSlotTimeout, slot);
-  if (status == frames::RingStatus::Gone) return false;
-  fill(slot);
-  if (ring_.publish() == frames::RingStatus::Gone) return false;
-  ++published_;
-  return true;
-}
-
-/// Fills a slot with the picture, or with those of both eyes side by side.
-void Feed::fill(std::span<uint8_t> slot) {
-  const AVFrame* const second = clip_.second_view();
-  if (second == nullptr) return convert(clip_.frame(), slot);
-  eye_.resize(slot.size() / 2);
-  const size_t row = slot.size() / 2 / static_cast<size_t>(ring_.geometry().height);
-  for (const bool right : {false, true}) {
-    convert(right == clip_.begins_with_right() ? clip_.frame() : *second, eye_);
-    for (size_t from = 0; from < eye_.size(); from += row)
-      std::ranges::copy(std::span(eye_).subspan(from, row),
-                        slot.subspan(2 * from + (right ? row : 0)).begin());
-  }
-}
-
-void Feed::convert(const AVFrame& frame, std::span<uint8_t> out) {
-  PicturePlanes picture{.width = frame.width, .height = frame.height};
-  for (size_t i = 0; i < picture.data.size(); ++i) {
-    picture.data[i] = frame.data[i];
-    picture.stride[i] = frame.linesize[i];
-  }
-  if (orientation() == frames::Orientation::Upright) return converter_->convert(picture, out);
-  const frames::FrameGeometry stored{.width = picture.width, .height = picture.height};
-  stored_.resize(stored.frame_bytes());
-  converter_->convert(picture, stored_);
-  frames::turn_upright(stored_, stored, orientation(), out);
-}
-
-/// Reports a position from which another process could continue, and that this process is alive
-/// while it skips frames.
-void Feed::report_position(uint64_t frame) {
-  const Clock::time_point now = Clock::now();
-  const int64_t previous = std::exchange(previous_time_, clip_.time());
-  if (now - last_report_ < kReportInterval) return;
-  if (!is_key_frame(clip_.frame()) && published_ > 0) return;
-  if (clip_.time() <= previous && published_ > 0) return;
-  last_report_ = now;
-  json event = {{"event", "position"}, {"frame", frame}, {"time", nullptr}};
-  if (clip_.time() != AV_NOPTS_VALUE) event["time"] = clip_.time();
-  report_event(event);
-  report_broken();
-}
-
-void Feed::report_broken() {
-  const uint64_t broken = clip_.broken_packets() + wrong_size_ + clip_.faulty_frames();
-  if (broken == reported_broken_) return;
-  reported_broken_ = broken;
-  report_event({{"event", "broken"}, {"count", broken}});
-}
-
-/// Reports the end of a round: its length, and the number of frames that the file claims to have,
-/// and which neither came nor were left out.
-void Feed::report_clip() {
-  report_broken();
-  const uint64_t left_out = clip_.broken_packets() + wrong_size_;
-  const uint64_t in_round = left_out - std::exchange(left_out_before_, left_out);
-  // A range ends at a known frame; a container may be wrong about its last frame.
-  const bool whole = request_.begin == 0 && request_.end == DecodeRequest{}.end;
-  const std::optional<ExpectedFrames> expected = clip_.expected();
-  report_event(
-      {{"event", "clip"},
-       {"frames", clip_length_},
-       {"missing", whole && expected ? times_.missing(*expected, in_round) : uint64_t{0}}});
-}
 
 void report_choice(const DecoderChoice& choice) {
   report_event({{"event", "decoder"},

@@ -63,15 +63,99 @@ bool read_frame(std::span<uint8_t> bytes) {
 
 class Encoder {
  public:
-  Encoder(const EncodeRequest& request, const int& fd);
-  void encode(std::span<const uint8_t> pixels);
-  void finish();
+  Encoder(const EncodeRequest& request, const int& fd)
+      : request_(request),
+        io_(make_io(fd, true)),
+        frame_(av_frame_alloc()),
+        packet_(av_packet_alloc()) {
+    const bool x264 = request.codec == "x264rgb";
+    const AVCodec* const codec = avcodec_find_encoder_by_name(x264 ? "libx264rgb" : "ffv1");
+    if (codec == nullptr)
+      throw Error(ErrorKind::Failed, "encoder " + request.codec + ": not in this FFmpeg",
+                  "use ffv1");
+    AVFormatContext* format = nullptr;
+    must(avformat_alloc_output_context2(&format, nullptr, "matroska", nullptr));
+    format_.reset(format);
+    format->pb = io_.get();
+    format->flags |= AVFMT_FLAG_CUSTOM_IO | AVFMT_FLAG_BITEXACT;
+    stream_ = avformat_new_stream(format, nullptr);
+    if (stream_ == nullptr || !frame_ || !packet_)
+      throw Error(ErrorKind::Failed, "video: out of memory");
+    open_codec(*codec);
+    must(avcodec_parameters_from_context(stream_->codecpar, codec_.get()));
+    stream_->time_base = codec_->time_base;
+    stream_->avg_frame_rate = codec_->framerate;
+    must(avformat_write_header(format, nullptr));
+  }
+  void encode(std::span<const uint8_t> pixels) {
+    fill(pixels);
+    frame_->pts = frames_++;
+    send(frame_.get());
+  }
+  void finish() {
+    send(nullptr);
+    must(av_write_trailer(format_.get()));
+    avio_flush(io_.get());
+    must(io_->error);
+  }
   [[nodiscard]] int64_t frames() const { return frames_; }
 
  private:
-  void open_codec(const AVCodec& codec);
-  void fill(std::span<const uint8_t> pixels);
-  void send(const AVFrame* frame);
+  void open_codec(const AVCodec& codec) {
+    const frames::Rate rate = frames::parse_rate(request_.rate);
+    codec_.reset(avcodec_alloc_context3(&codec));
+    codec_->width = request_.width;
+    codec_->height = request_.height;
+    codec_->pix_fmt = encoder_format(codec);
+    codec_->time_base = {static_cast<int>(rate.denominator), static_cast<int>(rate.numerator)};
+    codec_->framerate = {static_cast<int>(rate.numerator), static_cast<int>(rate.denominator)};
+    codec_->thread_count = kThreads;
+    codec_->flags |= AV_CODEC_FLAG_GLOBAL_HEADER | AV_CODEC_FLAG_BITEXACT;
+    codec_->gop_size = request_.codec == "ffv1" ? 1 : codec_->gop_size;
+    if (request_.codec == "ffv1") {
+      codec_->level = kFfv1Version;
+      if (request_.width >= kSlicedSide && request_.height >= kSlicedSide)
+        codec_->slices = kThreads;
+      (void)av_opt_set_int(codec_->priv_data, "slicecrc", 1, 0);
+    } else {
+      (void)av_opt_set(codec_->priv_data, "preset", "veryfast", 0);
+      (void)av_opt_set(codec_->priv_data, "tune", "fastdecode", 0);
+      must(av_opt_set_int(codec_->priv_data, "qp", 0, 0));
+    }
+    must(avcodec_open2(codec_.get(), &codec, nullptr));
+  }
+  /// Copies tightly packed RGB into frame_.
+  void fill(std::span<const uint8_t> pixels) {
+    av_frame_unref(frame_.get());
+    frame_->width = request_.width;
+    frame_->height = request_.height;
+    frame_->format = codec_->pix_fmt;
+    must(av_frame_get_buffer(frame_.get(), 0));
+    AVFrame& out = *frame_;
+    const PixelLayout to = *evaluate_pixels({.format = codec_->pix_fmt}).layout;
+    for (int row = 0; row < out.height; ++row) {
+      const uint8_t* in =
+          pixels.data() + static_cast<size_t>(row) * static_cast<size_t>(out.width) * 3;
+      for (size_t channel = 0; channel < to.components.size(); ++channel) {
+        const PixelComponent& c = to.components[channel];
+        uint8_t* const line = out.data[c.plane] + ptrdiff_t{row} * out.linesize[c.plane] + c.offset;
+        for (int x = 0; x < out.width; ++x)
+          line[x * c.step] = in[static_cast<size_t>(x) * 3 + channel];
+      }
+    }
+  }
+  void send(const AVFrame* frame) {
+    must(avcodec_send_frame(codec_.get(), frame));
+    while (true) {
+      const int error = avcodec_receive_packet(codec_.get(), packet_.get());
+      if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) return;
+      must(error);
+      packet_->stream_index = stream_->index;
+      packet_->duration = 1;
+      av_packet_rescale_ts(packet_.get(), codec_->time_base, stream_->time_base);
+      must(av_interleaved_write_frame(format_.get(), packet_.get()));
+    }
+  }
 
   const EncodeRequest& request_;
   AvIo io_;
@@ -82,100 +166,6 @@ class Encoder {
   AVStream* stream_ = nullptr;
   int64_t frames_ = 0;
 };
-
-Encoder::Encoder(const EncodeRequest& request, const int& fd)
-    : request_(request),
-      io_(make_io(fd, true)),
-      frame_(av_frame_alloc()),
-      packet_(av_packet_alloc()) {
-  const bool x264 = request.codec == "x264rgb";
-  const AVCodec* const codec = avcodec_find_encoder_by_name(x264 ? "libx264rgb" : "ffv1");
-  if (codec == nullptr)
-    throw Error(ErrorKind::Failed, "encoder " + request.codec + ": not in this FFmpeg", "use ffv1");
-  AVFormatContext* format = nullptr;
-  must(avformat_alloc_output_context2(&format, nullptr, "matroska", nullptr));
-  format_.reset(format);
-  format->pb = io_.get();
-  format->flags |= AVFMT_FLAG_CUSTOM_IO | AVFMT_FLAG_BITEXACT;
-  stream_ = avformat_new_stream(format, nullptr);
-  if (stream_ == nullptr || !frame_ || !packet_)
-    throw Error(ErrorKind::Failed, "video: out of memory");
-  open_codec(*codec);
-  must(avcodec_parameters_from_context(stream_->codecpar, codec_.get()));
-  stream_->time_base = codec_->time_base;
-  stream_->avg_frame_rate = codec_->framerate;
-  must(avformat_write_header(format, nullptr));
-}
-
-void Encoder::open_codec(const AVCodec& codec) {
-  const frames::Rate rate = frames::parse_rate(request_.rate);
-  codec_.reset(avcodec_alloc_context3(&codec));
-  codec_->width = request_.width;
-  codec_->height = request_.height;
-  codec_->pix_fmt = encoder_format(codec);
-  codec_->time_base = {static_cast<int>(rate.denominator), static_cast<int>(rate.numerator)};
-  codec_->framerate = {static_cast<int>(rate.numerator), static_cast<int>(rate.denominator)};
-  codec_->thread_count = kThreads;
-  codec_->flags |= AV_CODEC_FLAG_GLOBAL_HEADER | AV_CODEC_FLAG_BITEXACT;
-  codec_->gop_size = request_.codec == "ffv1" ? 1 : codec_->gop_size;
-  if (request_.codec == "ffv1") {
-    codec_->level = kFfv1Version;
-    if (request_.width >= kSlicedSide && request_.height >= kSlicedSide) codec_->slices = kThreads;
-    (void)av_opt_set_int(codec_->priv_data, "slicecrc", 1, 0);
-  } else {
-    (void)av_opt_set(codec_->priv_data, "preset", "veryfast", 0);
-    (void)av_opt_set(codec_->priv_data, "tune", "fastdecode", 0);
-    must(av_opt_set_int(codec_->priv_data, "qp", 0, 0));
-  }
-  must(avcodec_open2(codec_.get(), &codec, nullptr));
-}
-
-/// Copies tightly packed RGB into frame_.
-void Encoder::fill(std::span<const uint8_t> pixels) {
-  av_frame_unref(frame_.get());
-  frame_->width = request_.width;
-  frame_->height = request_.height;
-  frame_->format = codec_->pix_fmt;
-  must(av_frame_get_buffer(frame_.get(), 0));
-  AVFrame& out = *frame_;
-  const PixelLayout to = *evaluate_pixels({.format = codec_->pix_fmt}).layout;
-  for (int row = 0; row < out.height; ++row) {
-    const uint8_t* in =
-        pixels.data() + static_cast<size_t>(row) * static_cast<size_t>(out.width) * 3;
-    for (size_t channel = 0; channel < to.components.size(); ++channel) {
-      const PixelComponent& c = to.components[channel];
-      uint8_t* const line = out.data[c.plane] + ptrdiff_t{row} * out.linesize[c.plane] + c.offset;
-      for (int x = 0; x < out.width; ++x)
-        line[x * c.step] = in[static_cast<size_t>(x) * 3 + channel];
-    }
-  }
-}
-
-void Encoder::encode(std::span<const uint8_t> pixels) {
-  fill(pixels);
-  frame_->pts = frames_++;
-  send(frame_.get());
-}
-
-void Encoder::send(const AVFrame* frame) {
-  must(avcodec_send_frame(codec_.get(), frame));
-  while (true) {
-    const int error = avcodec_receive_packet(codec_.get(), packet_.get());
-    if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) return;
-    must(error);
-    packet_->stream_index = stream_->index;
-    packet_->duration = 1;
-    av_packet_rescale_ts(packet_.get(), codec_->time_base, stream_->time_base);
-    must(av_interleaved_write_frame(format_.get(), packet_.get()));
-  }
-}
-
-void Encoder::finish() {
-  send(nullptr);
-  must(av_write_trailer(format_.get()));
-  avio_flush(io_.get());
-  must(io_->error);
-}
 
 void check(const EncodeRequest& request) {
   const frames::FrameGeometry size{.width = request.width, .height = request.height};

@@ -60,24 +60,23 @@ inline int32_t is_doubtful(int32_t sum, int32_t error) {
 
 #if defined(__AVX2__)
 
-/// Returns the shuffle control that puts a channel's bytes into the third of 48 bytes.
-constexpr int8_t source_of(int channel, int third, int byte) {
-  const int at = 16 * third + byte;
-  return static_cast<int8_t>(at % 3 == channel ? at / 3 : -128);
-}
-
+/// Interleave holds the shuffle controls that put a channel's bytes into each third of 48 bytes.
 struct Interleave {
   alignas(16) int8_t control[3][3][16];
 };
-constexpr Interleave make_interleave() {
+/// `place_of` returns the place of a pixel's byte among those of its channel.
+constexpr Interleave make_interleave(auto place_of) {
   Interleave table{};
   for (int third = 0; third < 3; ++third)
     for (int channel = 0; channel < 3; ++channel)
-      for (int byte = 0; byte < 16; ++byte)
-        table.control[third][channel][byte] = source_of(channel, third, byte);
+      for (int byte = 0; byte < 16; ++byte) {
+        const int at = 16 * third + byte;
+        table.control[third][channel][byte] =
+            static_cast<int8_t>(at % 3 == channel ? place_of(at / 3) : -128);
+      }
   return table;
 }
-constexpr Interleave kInterleave = make_interleave();
+constexpr Interleave kInterleave = make_interleave([](int pixel) { return pixel; });
 
 inline __m128i load(const void* from) {
   return _mm_loadu_si128(static_cast<const __m128i*>(from));
@@ -143,82 +142,45 @@ void convert(const Sums& sums, const uint16_t* y, const int16_t* cb, const int16
 #if defined(__AVX2__)
 
 #if defined(__AVX512VBMI__)
-
+#define LENTICULE_VECTOR(name) _mm512_##name
 using Words = __m512i;
-using Bytes = __m512i;
-
-inline Words load_words(const void* from) {
-  return _mm512_loadu_si512(from);
-}
-inline Words all(int value) {
-  return _mm512_set1_epi16(static_cast<int16_t>(value));
-}
-inline Words sum(Words a, Words b) {
-  return _mm512_add_epi16(a, b);
-}
-inline Words bounded_sum(Words a, Words b) {
-  return _mm512_adds_epi16(a, b);
-}
-inline Words low_product(Words a, Words b) {
-  return _mm512_mullo_epi16(a, b);
-}
-inline Words product(Words a, Words b) {
-  return _mm512_mulhrs_epi16(a, b);
-}
-inline Words toggled(Words a, Words bits) {
-  return _mm512_xor_si512(a, bits);
-}
-/// Returns 128 times the bytes at even, or odd, places.
-inline Words even_bytes(Bytes bytes) {
-  return _mm512_srli_epi16(_mm512_slli_epi16(bytes, 8), 1);
-}
-inline Words odd_bytes(Bytes bytes) {
-  return _mm512_slli_epi16(_mm512_srli_epi16(bytes, 8), 7);
-}
-inline Bytes codes_of(Words even, Words odd) {
-  return _mm512_packus_epi16(_mm512_srai_epi16(even, kShortFraction),
-                             _mm512_srai_epi16(odd, kShortFraction));
-}
-
 #else
-
+#define LENTICULE_VECTOR(name) _mm256_##name
 using Words = __m256i;
-using Bytes = __m256i;
+#endif
+using Bytes = Words;
 
 inline Words load_words(const void* from) {
-  return _mm256_loadu_si256(static_cast<const __m256i*>(from));
+  Words words;
+  __builtin_memcpy(&words, from, sizeof words);
+  return words;
 }
 inline Words all(int value) {
-  return _mm256_set1_epi16(static_cast<int16_t>(value));
+  return LENTICULE_VECTOR(set1_epi16)(static_cast<int16_t>(value));
 }
 inline Words sum(Words a, Words b) {
-  return _mm256_add_epi16(a, b);
+  return LENTICULE_VECTOR(add_epi16)(a, b);
 }
 inline Words bounded_sum(Words a, Words b) {
-  return _mm256_adds_epi16(a, b);
+  return LENTICULE_VECTOR(adds_epi16)(a, b);
 }
 inline Words low_product(Words a, Words b) {
-  return _mm256_mullo_epi16(a, b);
+  return LENTICULE_VECTOR(mullo_epi16)(a, b);
 }
 inline Words product(Words a, Words b) {
-  return _mm256_mulhrs_epi16(a, b);
-}
-inline Words toggled(Words a, Words bits) {
-  return _mm256_xor_si256(a, bits);
+  return LENTICULE_VECTOR(mulhrs_epi16)(a, b);
 }
 /// Returns 128 times the bytes at even, or odd, places.
 inline Words even_bytes(Bytes bytes) {
-  return _mm256_srli_epi16(_mm256_slli_epi16(bytes, 8), 1);
+  return LENTICULE_VECTOR(srli_epi16)(LENTICULE_VECTOR(slli_epi16)(bytes, 8), 1);
 }
 inline Words odd_bytes(Bytes bytes) {
-  return _mm256_slli_epi16(_mm256_srli_epi16(bytes, 8), 7);
+  return LENTICULE_VECTOR(slli_epi16)(LENTICULE_VECTOR(srli_epi16)(bytes, 8), 7);
 }
 inline Bytes codes_of(Words even, Words odd) {
-  return _mm256_packus_epi16(_mm256_srai_epi16(even, kShortFraction),
-                             _mm256_srai_epi16(odd, kShortFraction));
+  return LENTICULE_VECTOR(packus_epi16)(LENTICULE_VECTOR(srai_epi16)(even, kShortFraction),
+                                        LENTICULE_VECTOR(srai_epi16)(odd, kShortFraction));
 }
-
-#endif
 
 constexpr int kStep = sizeof(Bytes);  ///< pixels that are converted at once
 
@@ -269,23 +231,7 @@ inline void store(Bytes red, Bytes green, Bytes blue, bool aligned, uint8_t* rgb
 
 #else
 
-/// PairInterleave holds the shuffle controls that put a channel's codes into each third of 48
-/// bytes.
-struct PairInterleave {
-  alignas(16) int8_t control[3][3][16];
-};
-constexpr PairInterleave make_pair_interleave() {
-  PairInterleave table{};
-  for (int third = 0; third < 3; ++third)
-    for (int channel = 0; channel < 3; ++channel)
-      for (int byte = 0; byte < 16; ++byte) {
-        const int at = 16 * third + byte;
-        table.control[third][channel][byte] =
-            static_cast<int8_t>(at % 3 == channel ? place_of(at / 3) : -128);
-      }
-  return table;
-}
-constexpr PairInterleave kPairInterleave = make_pair_interleave();
+constexpr Interleave kPairInterleave = make_interleave(place_of);
 
 inline __m256i shuffled(Bytes codes, const int8_t* control) {
   return _mm256_shuffle_epi8(codes, _mm256_broadcastsi128_si256(
@@ -328,7 +274,7 @@ struct Weights {
 };
 
 inline Words weighted(const Weights& weights, Words a, Words b) {
-  return toggled(sum(low_product(a, weights.first), low_product(b, weights.second)), all(1 << 15));
+  return sum(low_product(a, weights.first), low_product(b, weights.second)) ^ all(1 << 15);
 }
 
 inline Pairs chroma_of(const Weights& even, const Weights& odd, const int16_t* samples) {
