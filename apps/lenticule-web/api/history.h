@@ -28,8 +28,7 @@ struct TrimEntry {
   double pitch_relative = 0.0;
 
   /// Calls `field` with the name and the value of each field that goes into the file.
-  template <class Field>
-  void for_fields(const Field& field) {
+  void for_fields(const auto& field) {
     field("number", number);
     field("time", time);
     field("who", who);
@@ -47,8 +46,7 @@ struct RigEntry {
   std::string toml{};
 
   /// Does the same as TrimEntry::for_fields.
-  template <class Field>
-  void for_fields(const Field& field) {
+  void for_fields(const auto& field) {
     field("number", number);
     field("time", time);
     field("who", who);

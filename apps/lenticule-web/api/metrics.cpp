@@ -36,8 +36,7 @@ constexpr std::array<Counter, 9> kCounters = {{
 }};
 
 std::optional<double> number_at(const ordered_json& json, const char* key) {
-  const ordered_json& value = member(json, key);
-  return value.is_number() ? std::optional(value.get<double>()) : std::nullopt;
+  return number_of(member(json, key));
 }
 
 void add(std::string& text, const char* type, const std::string& name, const std::string& help,

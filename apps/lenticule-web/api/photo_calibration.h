@@ -11,7 +11,6 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <cstring>
@@ -243,8 +242,7 @@ class PhotoCalibration {
   static constexpr double kFarPitch = 0.01;
 
   /// Returns the files in the order of their places.
-  template <class Photos>
-  static std::vector<PhotoFile> list_of(const Photos& photos) {
+  static std::vector<PhotoFile> list_of(const auto& photos) {
     std::vector<PhotoFile> list;
     for (const auto& photo : photos)
       if (photo) list.push_back(*photo);
@@ -258,16 +256,6 @@ class PhotoCalibration {
       for (size_t at = 0; (at = message.find(prefix, at)) != std::string::npos;)
         message.erase(at, prefix.size());
     return message;
-  }
-
-  static double number_at(const ordered_json& list, size_t k) {
-    return list.is_array() && list.size() > k && list[k].is_number() ? list[k].get<double>() : NAN;
-  }
-
-  /// Returns the first reason of a report.
-  static std::string first_reason(const ordered_json& report) {
-    const ordered_json reasons = list_in(member(report, "reasons"));
-    return !reasons.empty() && reasons[0].is_string() ? reasons[0].get<std::string>() : "";
   }
 
   /// Returns the extension of a picture file by its first bytes, as the command expects it.
@@ -374,11 +362,13 @@ class PhotoCalibration {
     fit.message = first_reason(fit.report);
     if (run.exit_code != 0) return fit;
     const ordered_json eye = shown_part(fit.report)["eye_mm"];
-    fit.found = FoundSheet{
-        .before = optics::load_rig(folder_.before()),
-        .after = optics::load_rig(output),
-        .eye = {.x = number_at(eye, 0), .y = number_at(eye, 1), .z_mm = number_at(eye, 2)},
-        .photographs = photos.size()};
+    const auto at = [&](size_t k) {
+      return eye.is_array() && eye.size() > k ? number_of(eye[k]).value_or(NAN) : NAN;
+    };
+    fit.found = FoundSheet{.before = optics::load_rig(folder_.before()),
+                           .after = optics::load_rig(output),
+                           .eye = {.x = at(0), .y = at(1), .z_mm = at(2)},
+                           .photographs = photos.size()};
     return fit;
   }
   void judge(size_t place, const PhotoFile& photo) {

@@ -49,6 +49,11 @@ struct CalibrationOutput {
   }
   return parsed;
 }
+/// Returns the first reason of a report; empty if it has none.
+[[nodiscard]] inline std::string first_reason(const nlohmann::ordered_json& report) {
+  const nlohmann::ordered_json reasons = list_in(member(report, "reasons"));
+  return !reasons.empty() && reasons[0].is_string() ? reasons[0].get<std::string>() : "";
+}
 /// Returns the part of a report that the page shows.
 [[nodiscard]] inline nlohmann::ordered_json shown_part(const nlohmann::ordered_json& report) {
   using nlohmann::ordered_json;
@@ -106,10 +111,8 @@ class PhotoSession {
       if (place_of_file(text_in(photo, "name")) == place && member(photo, "used") != true)
         return text_in(photo, "reason");
     if (!list_in(member(report, "viewpoints")).empty()) return {};
-    const ordered_json reasons = list_in(member(report, "reasons"));
-    return reasons.empty()          ? "the photographs could not be fitted"
-           : reasons[0].is_string() ? reasons[0].get<std::string>()
-                                    : "";
+    const std::string reason = first_reason(report);
+    return reason.empty() ? "the photographs could not be fitted" : reason;
   }
   /// Returns what to do better after a refusal.
   [[nodiscard]] static std::string remedy(std::string_view reason) {
@@ -130,7 +133,7 @@ class PhotoSession {
   }
   /// Takes places, turns and the stated error from the report of a fit of all accepted photographs.
   void take_report(const nlohmann::ordered_json& report) {
-    stated_lenses_ = number_in(member(member(report, "drift"), "worst_lenses"));
+    stated_lenses_ = number_of(member(member(report, "drift"), "worst_lenses"));
     reasons_ = list_in(member(report, "reasons"));
     for (const ordered_json& photo : list_in(member(report, "photographs"))) take_photograph(photo);
     for (size_t k = 0; k < entries_.size(); ++k) entries_[k].note = note_of(k);
@@ -209,10 +212,6 @@ class PhotoSession {
   static constexpr std::string_view kUsualRemedy =
       "Take it again: the whole panel in the picture, a dark room, no flash, no zoom.";
 
-  static std::optional<double> number_in(const ordered_json& value) {
-    return value.is_number() ? std::optional(value.get<double>()) : std::nullopt;
-  }
-
   /// Returns the index of the photograph of a file "NAME.jpg".
   static std::optional<size_t> place_of_file(std::string_view file) {
     for (size_t k = 0; k < kPhotoPlaces.size(); ++k)
@@ -236,11 +235,11 @@ class PhotoSession {
     if (!place) return;
     Entry& entry = entries_[*place];
     entry.doubt = text_in(photo, "doubt");
-    entry.roll_degrees = number_in(member(photo, "roll_degrees"));
+    entry.roll_degrees = number_of(member(photo, "roll_degrees"));
     const ordered_json& eye = member(photo, "eye_mm");
     if (!eye.is_array() || eye.size() != 3) return;
-    entry.x_mm = number_in(eye[0]);
-    entry.z_mm = number_in(eye[2]);
+    entry.x_mm = number_of(eye[0]);
+    entry.z_mm = number_of(eye[2]);
   }
   /// Returns how the photograph differs from what was asked for; empty if it does not.
   [[nodiscard]] std::string note_of(size_t place) const {

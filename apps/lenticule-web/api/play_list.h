@@ -3,7 +3,6 @@
 // player follows. A version that the player cannot play is replaced by the one before.
 #pragma once
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -15,13 +15,20 @@ namespace lenticule::web {
 
 class WebSite;
 
+/// Call is a request at the address of a route.
+struct Call {
+  WebSite& site;
+  const Request& request;
+  const std::string& name;  ///< text for "{name}"
+};
+
 /// Route is an address; "{name}" stands for one part of a path.
 struct Route {
   const char* method;
   const char* path;
   Rights rights;
   uint64_t largest_body;
-  Response (*answer)(WebSite& site, const Request& request, const std::string& name);
+  Response (*answer)(const Call& call);
   const char* summary;
   /// The answer and the body: a media type, or a form in the notation of api/schemas.json; a body
   /// may have several media types.
@@ -29,8 +36,7 @@ struct Route {
   const char* body = nullptr;
   const char* query = nullptr;  ///< form of the query's arguments
   /// Returns the sink of a body that is not empty; null for bodies that go into Request::body.
-  std::unique_ptr<BodySink> (*sink)(WebSite& site, const Request& request,
-                                    const std::string& name) = nullptr;
+  std::unique_ptr<BodySink> (*sink)(const Call& call) = nullptr;
   int second_status = 0;  ///< status of a success that is not 200
 };
 

@@ -3,7 +3,6 @@
 // addresses.
 #pragma once
 
-#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -93,11 +92,11 @@ class WebSite final : public Site {
   [[nodiscard]] std::unique_ptr<BodySink> sink(const Request& request) override {
     const FoundRoute found = find_route(request.method, request.path);
     if (found.route == nullptr || found.route->sink == nullptr) return nullptr;
-    return found.route->sink(*this, request, found.name);
+    return found.route->sink({*this, request, found.name});
   }
   [[nodiscard]] Response answer(const Request& request) override {
     const FoundRoute found = find_route(request.method, request.path);
-    if (found.route != nullptr) return found.route->answer(*this, request, found.name);
+    if (found.route != nullptr) return found.route->answer({*this, request, found.name});
     if (found.other_method) throw HttpError(405, request.method + " is not possible here");
     const std::string_view asset = asset_of(request.path);
     if (!asset.empty() && (request.method == "GET" || request.method == "HEAD"))

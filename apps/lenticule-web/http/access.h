@@ -226,8 +226,7 @@ class Access {
 
   /// Returns the identity of the token of which `part` is `value`. Every token is compared, so that
   /// the time does not depend on which one matches.
-  template <class Part>
-  [[nodiscard]] Identity identity_with(std::string_view value, const Part& part) {
+  [[nodiscard]] Identity identity_with(std::string_view value, const auto& part) {
     const std::lock_guard lock(mutex_);
     refresh();
     Identity found;

@@ -115,32 +115,26 @@ class ConnectionWatch {
   }
   /// Sets the time that the connection has from now on.
   void extend(int fd, std::chrono::milliseconds time) {
-    const std::lock_guard lock(mutex_);
-    if (const auto entry = entries_.find(fd); entry != entries_.end())
-      entry->second.deadline = Clock::now() + time;
+    change(fd, [&](Entry& entry) { entry.deadline = Clock::now() + time; });
   }
   /// Removes the limit, for an answer that never ends.
   void release(int fd) {
-    const std::lock_guard lock(mutex_);
-    if (const auto entry = entries_.find(fd); entry != entries_.end())
-      entry->second.deadline = Clock::time_point::max();
+    change(fd, [](Entry& entry) { entry.deadline = Clock::time_point::max(); });
   }
   /// Marks the connection as one of a known sender; it ends when the token is revoked before the
   /// answer has ended.
   void known(int fd, const std::string& token_id) {
-    const std::lock_guard lock(mutex_);
-    const auto entry = entries_.find(fd);
-    if (entry == entries_.end()) return;
-    entry->second.is_known = true;
-    entry->second.token_id = token_id;
+    change(fd, [&](Entry& entry) {
+      entry.is_known = true;
+      entry.token_id = token_id;
+    });
   }
   /// Records the end of an answer. The connection ends without a new request within `time`.
   void answered(int fd, std::chrono::milliseconds time) {
-    const std::lock_guard lock(mutex_);
-    const auto entry = entries_.find(fd);
-    if (entry == entries_.end()) return;
-    entry->second.deadline = Clock::now() + time;
-    entry->second.token_id.clear();
+    change(fd, [&](Entry& entry) {
+      entry.deadline = Clock::now() + time;
+      entry.token_id.clear();
+    });
   }
   /// Must be called before the descriptor is closed.
   void closed(int fd) {
@@ -164,6 +158,11 @@ class ConnectionWatch {
     bool is_known = false;
     bool ended = false;
   };
+  /// Changes the entry of a connection, if it is watched.
+  void change(int fd, const auto& how) {
+    const std::lock_guard lock(mutex_);
+    if (const auto entry = entries_.find(fd); entry != entries_.end()) how(entry->second);
+  }
   void work() {
     std::unique_lock lock(mutex_);
     while (!stopping_) {

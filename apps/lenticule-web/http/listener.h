@@ -25,6 +25,7 @@
 #include "base/error.h"
 #include "base/numbers.h"
 #include "base/unique_fd.h"
+#include "base/unix_address.h"
 
 namespace lenticule::web {
 
@@ -49,8 +50,15 @@ struct SocketAddress {
   sockaddr_storage storage{};
   socklen_t bytes = 0;
 
+  [[nodiscard]] int family() const { return storage.ss_family; }
   [[nodiscard]] sockaddr* get() { return reinterpret_cast<sockaddr*>(&storage); }
   [[nodiscard]] const sockaddr* get() const { return reinterpret_cast<const sockaddr*>(&storage); }
+  [[nodiscard]] const sockaddr_in& v4() const {
+    return *reinterpret_cast<const sockaddr_in*>(get());
+  }
+  [[nodiscard]] const sockaddr_in6& v6() const {
+    return *reinterpret_cast<const sockaddr_in6*>(get());
+  }
 };
 
 [[noreturn]] inline void fail(ErrorKind kind, const std::string& name, const std::string& cause,
@@ -79,16 +87,9 @@ inline SocketAddress numeric_address(const ListenAddress& address) {
 }
 
 inline bool is_loopback(const SocketAddress& address) {
-  if (address.storage.ss_family == AF_UNIX) return true;
-  if (address.storage.ss_family == AF_INET) {
-    const auto& v4 = reinterpret_cast<const sockaddr_in&>(address.storage);
-    return (ntohl(v4.sin_addr.s_addr) >> 24) == 127;
-  }
-  if (address.storage.ss_family == AF_INET6) {
-    const auto& v6 = reinterpret_cast<const sockaddr_in6&>(address.storage);
-    return IN6_IS_ADDR_LOOPBACK(&v6.sin6_addr) != 0;
-  }
-  return false;
+  if (address.family() == AF_INET) return (ntohl(address.v4().sin_addr.s_addr) >> 24) == 127;
+  if (address.family() == AF_INET6) return IN6_IS_ADDR_LOOPBACK(&address.v6().sin6_addr) != 0;
+  return address.family() == AF_UNIX;
 }
 
 inline SocketAddress bound_address(int fd) {
@@ -99,19 +100,27 @@ inline SocketAddress bound_address(int fd) {
   return address;
 }
 
-inline std::string name_of(const SocketAddress& address) {
+/// Returns the host of an internet address: "127.0.0.1" or "[::1]"; empty for another family.
+inline std::string host_of(const sockaddr& address) {
   std::array<char, INET6_ADDRSTRLEN> text{};
-  if (address.storage.ss_family == AF_INET) {
-    const auto& v4 = reinterpret_cast<const sockaddr_in&>(address.storage);
-    ::inet_ntop(AF_INET, &v4.sin_addr, text.data(), text.size());
-    return fmt::format("{}:{}", text.data(), ntohs(v4.sin_port));
-  }
-  if (address.storage.ss_family == AF_INET6) {
-    const auto& v6 = reinterpret_cast<const sockaddr_in6&>(address.storage);
-    ::inet_ntop(AF_INET6, &v6.sin6_addr, text.data(), text.size());
-    return fmt::format("[{}]:{}", text.data(), ntohs(v6.sin6_port));
-  }
-  return reinterpret_cast<const sockaddr_un&>(address.storage).sun_path;
+  if (address.sa_family == AF_INET)
+    ::inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in&>(address).sin_addr, text.data(),
+                text.size());
+  if (address.sa_family != AF_INET6) return text.data();
+  ::inet_ntop(AF_INET6, &reinterpret_cast<const sockaddr_in6&>(address).sin6_addr, text.data(),
+              text.size());
+  return fmt::format("[{}]", text.data());
+}
+
+/// Returns the name of a host with the port of `bound`; both families have it at the same place.
+inline std::string with_port(const std::string& host, const SocketAddress& bound) {
+  return fmt::format("{}:{}", host, ntohs(bound.v4().sin_port));
+}
+
+inline std::string name_of(const SocketAddress& address) {
+  if (address.family() == AF_UNIX)
+    return reinterpret_cast<const sockaddr_un&>(address.storage).sun_path;
+  return with_port(host_of(*address.get()), address);
 }
 
 inline void require_lan(const std::string& name, bool is_local, bool lan) {
@@ -121,21 +130,8 @@ inline void require_lan(const std::string& name, bool is_local, bool lan) {
        "without a reverse proxy with HTTPS the network can read the tokens");
 }
 
-inline SocketAddress unix_socket_address(const std::filesystem::path& path) {
-  SocketAddress address;
-  auto& local = reinterpret_cast<sockaddr_un&>(address.storage);
-  const std::string& text = path.native();
-  if (text.empty() || text.size() >= sizeof local.sun_path)
-    fail(ErrorKind::Usage, "--unix",
-         fmt::format("the path has {} bytes; at most {}", text.size(), sizeof local.sun_path - 1));
-  local.sun_family = AF_UNIX;
-  std::memcpy(static_cast<char*>(local.sun_path), text.c_str(), text.size() + 1);
-  address.bytes = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + text.size() + 1);
-  return address;
-}
-
 /// Removes the socket of a server that has exited.
-inline void remove_dead_socket(const std::filesystem::path& path, const SocketAddress& address) {
+inline void remove_dead_socket(const std::filesystem::path& path, const UnixAddress& address) {
   struct stat status {};
   if (::lstat(path.c_str(), &status) != 0) return;
   if (!S_ISSOCK(status.st_mode))
@@ -149,11 +145,8 @@ inline void remove_dead_socket(const std::filesystem::path& path, const SocketAd
 }
 
 inline bool is_any(const SocketAddress& address) {
-  if (address.storage.ss_family == AF_INET)
-    return reinterpret_cast<const sockaddr_in&>(address.storage).sin_addr.s_addr == INADDR_ANY;
-  if (address.storage.ss_family != AF_INET6) return false;
-  return IN6_IS_ADDR_UNSPECIFIED(
-             &reinterpret_cast<const sockaddr_in6&>(address.storage).sin6_addr) != 0;
+  if (address.family() == AF_INET) return address.v4().sin_addr.s_addr == INADDR_ANY;
+  return address.family() == AF_INET6 && IN6_IS_ADDR_UNSPECIFIED(&address.v6().sin6_addr) != 0;
 }
 
 /// Returns false for addresses that need the name of an interface (fe80::...).
@@ -172,19 +165,9 @@ inline bool is_plain(const sockaddr& address) {
   std::vector<std::string> names;
   for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
     const bool is_up = (one->ifa_flags & IFF_UP) != 0 && (one->ifa_flags & IFF_LOOPBACK) == 0;
-    if (!is_up || one->ifa_addr == nullptr || one->ifa_addr->sa_family != bound.storage.ss_family ||
-        !is_plain(*one->ifa_addr))
-      continue;
-    SocketAddress address;
-    address.bytes = bound.storage.ss_family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6);
-    std::memcpy(&address.storage, one->ifa_addr, address.bytes);
-    if (bound.storage.ss_family == AF_INET)
-      reinterpret_cast<sockaddr_in&>(address.storage).sin_port =
-          reinterpret_cast<const sockaddr_in&>(bound.storage).sin_port;
-    else
-      reinterpret_cast<sockaddr_in6&>(address.storage).sin6_port =
-          reinterpret_cast<const sockaddr_in6&>(bound.storage).sin6_port;
-    names.push_back(name_of(address));
+    if (is_up && one->ifa_addr != nullptr && one->ifa_addr->sa_family == bound.family() &&
+        is_plain(*one->ifa_addr))
+      names.push_back(with_port(host_of(*one->ifa_addr), bound));
   }
   if (names.empty()) names.push_back(listener.name);
   return names;
@@ -215,11 +198,11 @@ inline bool is_plain(const sockaddr& address) {
   const SocketAddress wanted = numeric_address(address);
   const std::string name = name_of(wanted);
   require_lan(name, is_loopback(wanted), lan);
-  UniqueFd fd(::socket(wanted.storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  UniqueFd fd(::socket(wanted.family(), SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int yes = 1;
   if (!fd || ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0)
     fail(ErrorKind::Failed, name, std::strerror(errno));
-  if (wanted.storage.ss_family == AF_INET6)
+  if (wanted.family() == AF_INET6)
     (void)::setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &yes, sizeof yes);
   if (::bind(fd.get(), wanted.get(), wanted.bytes) != 0 || ::listen(fd.get(), kBacklog) != 0)
     fail(ErrorKind::Device, name, fmt::format("cannot listen: {}", std::strerror(errno)),
@@ -230,7 +213,7 @@ inline bool is_plain(const sockaddr& address) {
 
 /// Listens on a Unix socket with mode 0660; replaces the socket of a server that has exited.
 [[nodiscard]] inline Listener listen_unix(const std::filesystem::path& path) {
-  const SocketAddress address = unix_socket_address(path);
+  const UnixAddress address = unix_address(path);
   remove_dead_socket(path, address);
   UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   // The mode is set before the first connection is possible.
@@ -259,7 +242,7 @@ inline bool is_plain(const sockaddr& address) {
     require_lan(name, is_loopback(bound), lan);
     listeners.push_back({.fd = std::move(owned),
                          .name = name,
-                         .is_unix = bound.storage.ss_family == AF_UNIX,
+                         .is_unix = bound.family() == AF_UNIX,
                          .is_local = is_loopback(bound)});
   }
   return listeners;

@@ -118,6 +118,10 @@ class Site {
   const nlohmann::ordered_json& value = member(object, key);
   return value.is_string() ? value.get<std::string>() : std::string();
 }
+/// Returns a number; none for another value.
+[[nodiscard]] inline std::optional<double> number_of(const nlohmann::ordered_json& value) {
+  return value.is_number() ? std::optional(value.get<double>()) : std::nullopt;
+}
 /// Returns a list; an empty one for another value.
 [[nodiscard]] inline nlohmann::ordered_json list_in(const nlohmann::ordered_json& value) {
   return value.is_array() ? value : nlohmann::ordered_json::array();

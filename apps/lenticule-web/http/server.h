@@ -5,7 +5,6 @@
 // Each connection has a thread, so that a slow client delays only itself.
 #pragma once
 
-#include <arpa/inet.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <microhttpd.h>
@@ -132,23 +131,18 @@ class Server {
 
   /// Returns the network that counts as one sender: an IPv4 address, or 64 bits of an IPv6 address,
   /// of which every host has 2^64.
-  static std::string sender_of(const sockaddr* address) {
-    std::array<char, INET6_ADDRSTRLEN> text{};
-    if (address != nullptr && address->sa_family == AF_INET) {
-      const auto* const v4 = reinterpret_cast<const sockaddr_in*>(address);
-      ::inet_ntop(AF_INET, &v4->sin_addr, text.data(), text.size());
-    } else if (address != nullptr && address->sa_family == AF_INET6) {
-      in6_addr network = reinterpret_cast<const sockaddr_in6*>(address)->sin6_addr;
-      std::memset(&network.s6_addr[8], 0, 8);
-      ::inet_ntop(AF_INET6, &network, text.data(), text.size());
-    }
-    return text.data();
+  static std::string sender_of(const sockaddr& address) {
+    if (address.sa_family != AF_INET6) return host_of(address);
+    sockaddr_in6 network = reinterpret_cast<const sockaddr_in6&>(address);
+    std::memset(&network.sin6_addr.s6_addr[8], 0, 8);
+    return host_of(reinterpret_cast<const sockaddr&>(network));
   }
 
   static std::string address_of(MHD_Connection* connection) {
     const auto* const info =
         MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
-    return sender_of(info == nullptr ? nullptr : info->client_addr);
+    const bool is_known = info != nullptr && info->client_addr != nullptr;
+    return is_known ? sender_of(*info->client_addr) : std::string();
   }
 
   /// Returns true if the request states the length of its body twice. A proxy in front could

@@ -160,18 +160,13 @@ class PlayerState {
   }
   /// Adds a message of the server itself.
   void publish(const std::string& name, const nlohmann::ordered_json& content) {
-    {
-      const std::lock_guard lock(mutex_);
-      locked_publish(name, json_text(content));
-    }
-    changed_.notify_all();
+    const std::lock_guard lock(mutex_);
+    locked_publish(name, json_text(content));
   }
   /// Ends all waits.
   void stop() {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-    }
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
     wake_.signal();
     changed_.notify_all();
   }
@@ -232,29 +227,22 @@ class PlayerState {
   void take_event(const nlohmann::ordered_json& event) {
     const std::string name = text_in(event, "event");
     if (name.empty()) return;
-    {
-      const std::lock_guard lock(mutex_);
-      locked_publish(name, json_text(event));
-      if (is_fault(name)) {
-        ordered_json fault = event;
-        fault["time"] = clock_.date();
-        faults_.push_front(std::move(fault));
-        if (faults_.size() > kKeptFaults) faults_.pop_back();
-      }
-    }
-    changed_.notify_all();
+    const std::lock_guard lock(mutex_);
+    locked_publish(name, json_text(event));
+    if (!is_fault(name)) return;
+    ordered_json fault = event;
+    fault["time"] = clock_.date();
+    faults_.push_front(std::move(fault));
+    if (faults_.size() > kKeptFaults) faults_.pop_back();
   }
   void poll_status() {
     ordered_json status = link_.ask({{"do", "status"}}).body;
-    {
-      const std::lock_guard lock(mutex_);
-      if (connected_ && status == status_) return;
-      status_ = std::move(status);
-      connected_ = true;
-      problem_.clear();
-      locked_publish("state", json_text(locked_state()));
-    }
-    changed_.notify_all();
+    const std::lock_guard lock(mutex_);
+    if (connected_ && status == status_) return;
+    status_ = std::move(status);
+    connected_ = true;
+    problem_.clear();
+    locked_publish("state", json_text(locked_state()));
   }
   void poll_statistics() {
     ordered_json answer = link_.ask({{"do", "stats"}}).body;
@@ -265,18 +253,16 @@ class PlayerState {
   void locked_publish(const std::string& name, std::string text) {
     messages_.push_back({.number = ++newest_, .name = name, .text = std::move(text)});
     if (messages_.size() > kKeptMessages) messages_.pop_front();
+    changed_.notify_all();
   }
   void lost(const std::string& problem) {
-    {
-      const std::lock_guard lock(mutex_);
-      problem_ = problem;
-      if (!connected_ && !messages_.empty()) return;
-      connected_ = false;
-      status_ = nullptr;
-      statistics_ = nullptr;
-      locked_publish("state", json_text(locked_state()));
-    }
-    changed_.notify_all();
+    const std::lock_guard lock(mutex_);
+    problem_ = problem;
+    if (!connected_ && !messages_.empty()) return;
+    connected_ = false;
+    status_ = nullptr;
+    statistics_ = nullptr;
+    locked_publish("state", json_text(locked_state()));
   }
 
   ControlLink& link_;
