@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "frames/capture/grab_status.h"
+
 namespace lenticule::calib {
 
 /// Nanoseconds of CLOCK_MONOTONIC, or of the simulated clock.
@@ -29,12 +31,7 @@ struct CameraPicture {
   Nanoseconds time{0};    ///< middle of the exposure
 };
 
-enum class GrabStatus {
-  Ready,     ///< a whole picture
-  TimedOut,  ///< no picture before the deadline; the camera is still usable
-  Corrupt,   ///< the picture is damaged and was dropped; grab again
-  Gone,      ///< unplugged or permanently broken; failure() has the cause
-};
+using frames::capture::GrabStatus;
 
 struct CameraFacts {
   std::string name;

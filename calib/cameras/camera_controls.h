@@ -20,9 +20,11 @@
 #include <vector>
 
 #include "calib/camera.h"
-#include "calib/cameras/v4l2_device.h"
+#include "frames/capture/v4l2_device.h"
 
 namespace lenticule::calib {
+
+using namespace frames::capture;
 
 struct ControlRequests {
   double refresh_hz = 60.0;  ///< refresh rate of the display

@@ -60,7 +60,7 @@ LIBRARIES = {
     "xf86drm": "display",
     "libudev": "display",
     "libseat": "display",
-    "linux/videodev2": "calib apps/lenticule-video",
+    "linux/videodev2": "calib frames apps/lenticule-video",
     "ceres": "calib",
     "Eigen": "calib",
     "unsupported/Eigen": "calib",

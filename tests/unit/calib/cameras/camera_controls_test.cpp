@@ -7,7 +7,7 @@
 
 #include <algorithm>
 
-#include "fake_v4l2.h"
+#include "tests/support/fakes/fake_v4l2.h"
 
 namespace lenticule::calib {
 namespace {

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "calib/cameras/v4l2_camera.h"
-#include "fake_v4l2.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/fakes/fake_v4l2.h"
 
 namespace lenticule::calib {
 namespace {

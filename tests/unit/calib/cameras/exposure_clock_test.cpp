@@ -4,7 +4,7 @@
 
 #include <chrono>
 
-#include "calib/cameras/capture_stream.h"
+#include "frames/capture/capture_stream.h"
 
 namespace lenticule::calib {
 namespace {

@@ -8,8 +8,8 @@
 #include <algorithm>
 #include <chrono>
 
-#include "fake_v4l2.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/fakes/fake_v4l2.h"
 
 namespace lenticule::calib {
 namespace {

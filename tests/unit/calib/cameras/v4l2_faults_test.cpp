@@ -7,8 +7,8 @@
 #include <chrono>
 
 #include "calib/cameras/v4l2_camera.h"
-#include "fake_v4l2.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/fakes/fake_v4l2.h"
 
 namespace lenticule::calib {
 namespace {

@@ -31,9 +31,11 @@
 #include "base/file.h"
 #include "base/numbers.h"
 #include "base/unique_fd.h"
-#include "calib/camera.h"
 
-namespace lenticule::calib {
+namespace lenticule::frames::capture {
+
+/// Nanoseconds of CLOCK_MONOTONIC, or of a simulated clock.
+using Nanoseconds = std::chrono::nanoseconds;
 
 /// V4l2Device is an open video node; the destructor closes it. Only poll() waits for the camera.
 ///
@@ -44,8 +46,8 @@ class V4l2Device {
 
   /// Does one ioctl. Returns 0 or the errno (EINTR included: see v4l2_call).
   [[nodiscard]] virtual int control(unsigned long request, void* argument) noexcept = 0;
-  /// Waits for a picture, at most `timeout`. Returns the events of poll(2), 0 when there are none
-  /// or a signal arrived, -errno on failure.
+  /// Waits for a picture or an event of the driver, at most `timeout`. Returns the events of
+  /// poll(2), 0 when there are none or a signal arrived, -errno on failure.
   [[nodiscard]] virtual int poll(Nanoseconds timeout) noexcept = 0;
   /// Maps shared, readable memory; returns null on failure.
   [[nodiscard]] virtual void* map(size_t size, uint32_t offset) noexcept = 0;
@@ -97,7 +99,7 @@ class LinuxDevice final : public V4l2Device {
   [[nodiscard]] int poll(Nanoseconds timeout) noexcept override {
     const int64_t ns = std::clamp(timeout, Nanoseconds{0}, kLongestPoll).count();
     const timespec limit{.tv_sec = ns / 1'000'000'000, .tv_nsec = ns % 1'000'000'000};
-    pollfd waiting{.fd = fd_.get(), .events = POLLIN, .revents = 0};
+    pollfd waiting{.fd = fd_.get(), .events = POLLIN | POLLPRI, .revents = 0};
     const int count = ::ppoll(&waiting, 1, &limit, nullptr);
     if (count < 0) return errno == EINTR ? 0 : -errno;
     return waiting.revents;
@@ -284,4 +286,4 @@ inline std::string cause_of(int error) {
           hint_for(system, path, error)};
 }
 
-}  // namespace lenticule::calib
+}  // namespace lenticule::frames::capture

@@ -15,12 +15,12 @@
 #include <string>
 #include <vector>
 
-#include "calib/cameras/v4l2_camera.h"
-#include "calib/cameras/v4l2_device.h"
+#include "frames/capture/capture_format.h"
+#include "frames/capture/v4l2_device.h"
 
 namespace lenticule::test {
 
-using calib::Nanoseconds;
+using frames::capture::Nanoseconds;
 
 struct FakeControl {
   uint32_t id = 0;
@@ -41,6 +41,7 @@ struct FakeFrame {
   std::optional<uint32_t> sequence{};
   std::optional<uint32_t> index{};
   std::optional<Nanoseconds> time{};
+  std::vector<uint8_t> bytes{};  ///< the first bytes of the picture; the others are `code`
 };
 
 /// A fake camera. Its public members are the script; a test may change them at any time.
@@ -50,7 +51,7 @@ class FakeCamera {
 
   std::string card = "Fake Camera";
   uint32_t device_caps = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
-  std::vector<calib::FormatOffer> formats;
+  std::vector<frames::capture::FormatOffer> formats;
   /// Changes a format that the driver accepts.
   std::function<void(v4l2_pix_format&)> adjust = [](v4l2_pix_format&) {};
   std::vector<FakeControl> controls;
@@ -68,6 +69,11 @@ class FakeCamera {
   bool reports_rate = true;
   /// errno of QUERY_DV_TIMINGS: ENOTTY for a camera.
   int signal_error = ENOTTY;
+  v4l2_bt_timings timings{};
+  uint32_t input_status = 0;  ///< V4L2_IN_ST_...
+  /// Frames per second of a format, as ENUM_FRAMEINTERVALS lists them; empty: not listed.
+  std::function<double(uint32_t fourcc, uint32_t width)> fastest;
+  std::deque<uint32_t> events;  ///< V4L2_EVENT_... that are ready
   /// Frames that are ready, in order; with `endless` more are made when they run out.
   std::deque<FakeFrame> frames;
   bool endless = true;
@@ -98,6 +104,7 @@ class FakeCamera {
   int query_capabilities(v4l2_capability& capability);
   int enumerate_format(v4l2_fmtdesc& description);
   int enumerate_size(v4l2_frmsizeenum& size);
+  int enumerate_interval(v4l2_frmivalenum& offer) const;
   int set_format(v4l2_format& format, bool really);
   int set_rate(v4l2_streamparm& parameters);
   int query_control(v4l2_query_ext_ctrl& asked);
@@ -115,10 +122,10 @@ class FakeCamera {
 };
 
 /// A system with device nodes and the fake cameras behind them.
-class FakeSystem final : public calib::V4l2System {
+class FakeSystem final : public frames::capture::V4l2System {
  public:
   struct Entry {
-    calib::V4l2Node node;
+    frames::capture::V4l2Node node;
     FakeCamera* camera = nullptr;
     int open_error = 0;
   };
@@ -126,8 +133,8 @@ class FakeSystem final : public calib::V4l2System {
   std::string holder;
   std::string owning_group = "video";
 
-  [[nodiscard]] std::vector<calib::V4l2Node> nodes() override;
-  [[nodiscard]] calib::OpenedDevice open(const std::string& path) override;
+  [[nodiscard]] std::vector<frames::capture::V4l2Node> nodes() override;
+  [[nodiscard]] frames::capture::OpenedDevice open(const std::string& path) override;
   [[nodiscard]] std::string holders(const std::string&) override { return holder; }
   [[nodiscard]] std::string group(const std::string&) override { return owning_group; }
 };

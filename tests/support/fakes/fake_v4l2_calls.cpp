@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "fake_v4l2.h"
+#include "tests/support/fakes/fake_v4l2.h"
 
 namespace lenticule::test {
 namespace {
@@ -25,7 +25,23 @@ int FakeCamera::perform(unsigned long request, void* argument) {
     case VIDIOC_QUERYCAP:
       return query_capabilities(as<v4l2_capability>(argument));
     case VIDIOC_QUERY_DV_TIMINGS:
+      as<v4l2_dv_timings>(argument).bt = timings;
       return signal_error;
+    case VIDIOC_G_INPUT:
+      as<int>(argument) = 0;
+      return 0;
+    case VIDIOC_ENUMINPUT:
+      as<v4l2_input>(argument).status = input_status;
+      return 0;
+    case VIDIOC_ENUM_FRAMEINTERVALS:
+      return enumerate_interval(as<v4l2_frmivalenum>(argument));
+    case VIDIOC_SUBSCRIBE_EVENT:
+      return 0;
+    case VIDIOC_DQEVENT:
+      if (events.empty()) return ENOENT;
+      as<v4l2_event>(argument).type = events.front();
+      events.pop_front();
+      return 0;
     case VIDIOC_S_DV_TIMINGS:
       log.emplace_back("S_DV_TIMINGS");
       return 0;
@@ -80,7 +96,7 @@ int FakeCamera::enumerate_format(v4l2_fmtdesc& description) {
 }
 
 int FakeCamera::enumerate_size(v4l2_frmsizeenum& size) {
-  for (const calib::FormatOffer& offer : formats) {
+  for (const frames::capture::FormatOffer& offer : formats) {
     if (offer.fourcc != size.pixel_format || size.index >= offer.sizes.size()) continue;
     size.type = V4L2_FRMSIZE_TYPE_DISCRETE;
     size.discrete.width = static_cast<uint32_t>(offer.sizes[size.index].width);
@@ -90,16 +106,23 @@ int FakeCamera::enumerate_size(v4l2_frmsizeenum& size) {
   return EINVAL;
 }
 
+int FakeCamera::enumerate_interval(v4l2_frmivalenum& offer) const {
+  if (!fastest || offer.index > 0) return EINVAL;
+  offer.type = V4L2_FRMIVAL_TYPE_DISCRETE;
+  offer.discrete = {1, static_cast<uint32_t>(fastest(offer.pixel_format, offer.width))};
+  return 0;
+}
+
 /// Replaces an unsupported size by the first supported one, as many drivers do.
 int FakeCamera::set_format(v4l2_format& format, bool really) {
   v4l2_pix_format& pix = format.fmt.pix;
-  for (const calib::FormatOffer& offer : formats) {
+  for (const frames::capture::FormatOffer& offer : formats) {
     if (offer.fourcc != pix.pixelformat || offer.sizes.empty()) continue;
-    const auto listed =
-        std::any_of(offer.sizes.begin(), offer.sizes.end(), [&](const calib::FrameSize& size) {
-          return static_cast<uint32_t>(size.width) == pix.width &&
-                 static_cast<uint32_t>(size.height) == pix.height;
-        });
+    const auto listed = std::any_of(offer.sizes.begin(), offer.sizes.end(),
+                                    [&](const frames::capture::FrameSize& size) {
+                                      return static_cast<uint32_t>(size.width) == pix.width &&
+                                             static_cast<uint32_t>(size.height) == pix.height;
+                                    });
     if (!listed) pix.width = static_cast<uint32_t>(offer.sizes.front().width);
     if (!listed) pix.height = static_cast<uint32_t>(offer.sizes.front().height);
     pix.bytesperline = pix.width * 3;
@@ -109,7 +132,7 @@ int FakeCamera::set_format(v4l2_format& format, bool really) {
     adjust(pix);
     if (!really) return 0;
     current_ = pix;
-    log.push_back("S_FMT " + calib::fourcc_name(pix.pixelformat));
+    log.push_back("S_FMT " + frames::capture::fourcc_name(pix.pixelformat));
     return 0;
   }
   return EINVAL;

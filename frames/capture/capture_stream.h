@@ -16,12 +16,13 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "calib/camera.h"
-#include "calib/cameras/v4l2_device.h"
+#include "frames/capture/grab_status.h"
+#include "frames/capture/v4l2_device.h"
 
-namespace lenticule::calib {
+namespace lenticule::frames::capture {
 
 /// BufferStamp is the driver's stamp of a buffer.
 struct BufferStamp {
@@ -186,6 +187,12 @@ class CaptureStream {
     if (error != 0) gone(error);
     return error == 0;
   }
+  /// Ends the stream when the signal of an input changes. Other cameras never say so.
+  void follow_source_changes() {
+    v4l2_event_subscription wanted{};
+    wanted.type = V4L2_EVENT_SOURCE_CHANGE;
+    (void)v4l2_call(device_, VIDIOC_SUBSCRIBE_EVENT, &wanted);
+  }
   [[nodiscard]] const std::string& failure() const { return failure_; }
 
  private:
@@ -227,6 +234,7 @@ class CaptureStream {
     const int events = device_.poll(left);
     if (events < 0) return gone(-events);
     if (events == 0) return Step::Nothing;
+    if ((events & POLLPRI) != 0 && source_changed()) return gone("the signal changed");
     const bool broken = (events & (POLLERR | POLLHUP | POLLNVAL)) != 0;
     v4l2_buffer buffer = buffer_number(0);
     const int error = v4l2_call(device_, VIDIOC_DQBUF, &buffer);
@@ -251,8 +259,17 @@ class CaptureStream {
     return gone(error);
   }
   Step gone(int error) {
-    failure_ = error == ENODEV ? "unplugged" : "the stream broke: " + error_text(error);
+    return gone(error == ENODEV ? "unplugged" : "the stream broke: " + error_text(error));
+  }
+  Step gone(std::string failure) {
+    failure_ = std::move(failure);
     return Step::Gone;
+  }
+  /// Takes an event of the driver, of those that follow_source_changes() asked for.
+  [[nodiscard]] bool source_changed() {
+    v4l2_event event{};
+    return v4l2_call(device_, VIDIOC_DQEVENT, &event) == 0 &&
+           event.type == V4L2_EVENT_SOURCE_CHANGE;
   }
 
   V4l2Device& device_;
@@ -264,4 +281,4 @@ class CaptureStream {
   int losses_in_a_row_ = 0;
 };
 
-}  // namespace lenticule::calib
+}  // namespace lenticule::frames::capture

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "fake_v4l2.h"
+#include "tests/support/fakes/fake_v4l2.h"
 
 #include <poll.h>
 
@@ -8,7 +8,7 @@
 namespace lenticule::test {
 namespace {
 
-class FakeDevice final : public calib::V4l2Device {
+class FakeDevice final : public frames::capture::V4l2Device {
  public:
   explicit FakeDevice(FakeCamera& camera) : camera_(camera) { ++camera_.open_count; }
   ~FakeDevice() override {
@@ -78,6 +78,7 @@ int FakeCamera::wait(Nanoseconds timeout) {
     return answer;
   }
   if (unplugged) return POLLPRI | POLLERR | POLLHUP;
+  if (!events.empty()) return POLLPRI;
   if (frames.empty() && endless) {
     const Nanoseconds frame = std::chrono::milliseconds{33};
     if (timeout >= frame) frames.emplace_back();
@@ -128,6 +129,7 @@ int FakeCamera::dequeue(v4l2_buffer& buffer) {
   if (buffer.index < reserved) {
     std::vector<uint8_t>& bytes = memory_[buffer.index];
     std::fill(bytes.begin(), bytes.end(), frame.code);
+    std::copy_n(frame.bytes.begin(), std::min(frame.bytes.size(), bytes.size()), bytes.begin());
   }
   buffer.flags = frame.flags;
   buffer.bytesused = frame.bytesused.value_or(current_.sizeimage);
@@ -139,13 +141,13 @@ int FakeCamera::dequeue(v4l2_buffer& buffer) {
   return 0;
 }
 
-std::vector<calib::V4l2Node> FakeSystem::nodes() {
-  std::vector<calib::V4l2Node> nodes;
+std::vector<frames::capture::V4l2Node> FakeSystem::nodes() {
+  std::vector<frames::capture::V4l2Node> nodes;
   for (const Entry& entry : entries) nodes.push_back(entry.node);
   return nodes;
 }
 
-calib::OpenedDevice FakeSystem::open(const std::string& path) {
+frames::capture::OpenedDevice FakeSystem::open(const std::string& path) {
   for (const Entry& entry : entries) {
     if (entry.node.path != path) continue;
     if (entry.open_error != 0) return {nullptr, entry.open_error};
