@@ -29,6 +29,9 @@ struct AcquiredFrame {
   uint64_t token = 0;
   uint32_t item = 0;     ///< index of the item, in a source that plays several items in turn
   bool repeats = false;  ///< the picture is that of the frame before
+  /// Time on CLOCK_MONOTONIC at which a camera took the picture; 0 if it did not come in live. Such
+  /// a frame replaces all earlier ones.
+  int64_t captured_ns = 0;
 };
 
 /// FrameDamage counts frames that were not played as they were made.

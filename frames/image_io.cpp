@@ -221,6 +221,10 @@ void use_picture_reader(const PictureFileReader* reader) noexcept {
   chosen_reader.store(reader);
 }
 
+void read_picture(const EncodedPicture& picture, PictureSink& sink) {
+  reader().read(picture, sink);
+}
+
 WovenFrame read_woven(const std::filesystem::path& file, PictureUse use) {
   WovenFrame frame;
   read_into(file, frame, use, std::nullopt);

@@ -136,6 +136,8 @@ class PictureFileReader {
 ///
 /// Lifetime: `reader` must live until the process ends or null is set.
 void use_picture_reader(const PictureFileReader* reader) noexcept;
+/// Reads the code values of a picture through the reader in use.
+void read_picture(const EncodedPicture& picture, PictureSink& sink);
 
 // Codecs with libraries that load in a millisecond. They change no code value: chunks that describe
 // colours are ignored.

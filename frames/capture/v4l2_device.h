@@ -246,7 +246,7 @@ inline std::string hint_for(V4l2System& system, const std::string& path, int err
     case ENXIO:
       return "connect the camera; 'lenticule calibrate camera --list' lists the cameras";
     case ENOTTY:
-      return "choose a camera with --device; 'lenticule calibrate camera --list' lists the cameras";
+      return "name a camera; 'lenticule calibrate camera --list' lists the cameras";
     case ENOMEM:
     case ENOSPC:
       return "use a smaller picture, fewer frames per second, or a separate USB port";

@@ -193,6 +193,10 @@ class ViewInput {
     return *views_;
   }
   [[nodiscard]] uint64_t number() const { return number_; }
+  /// Returns the time of capture of the pictures of next(), as AcquiredFrame does.
+  [[nodiscard]] int64_t captured_ns() const {
+    return still_ ? 0 : streams_.front().acquired->captured_ns;
+  }
   /// Returns true if the pictures of next() are those of the set before.
   [[nodiscard]] bool repeats() const {
     return std::ranges::all_of(

@@ -33,6 +33,7 @@ struct FilledFrame {
   uint64_t number = 0;  ///< number within its item
   uint32_t item = 0;    ///< item number that the source gives
   std::optional<frames::Rate> rate;  ///< rate that the source states
+  int64_t captured_ns = 0;           ///< as AcquiredFrame::captured_ns
 };
 
 /// FilledQueue is a bounded, lock-free queue. Thread safety: one producer and one consumer.
@@ -144,12 +145,15 @@ class FrameCopier {
                                  .cut = source_.cut(),
                                  .number = newest.acquired.number,
                                  .item = newest.acquired.item,
-                                 .rate = source_.rate()}));
+                                 .rate = source_.rate(),
+                                 .captured_ns = newest.acquired.captured_ns}));
     return newest.index;
   }
 
   /// Returns the next filled frame, or null. Thread safety: presenter only.
   [[nodiscard]] const FilledFrame* peek() const noexcept { return queue_.peek(); }
+  /// Returns the number of filled frames. Thread safety: presenter only.
+  [[nodiscard]] size_t filled() const noexcept { return queue_.size(); }
   /// Removes that frame from the queue. Thread safety: presenter only.
   void pop() noexcept { queue_.pop(); }
   /// Reports that a buffer may be free again. Thread safety: presenter only.
@@ -271,7 +275,8 @@ class FrameCopier {
                                  .cut = cut(),
                                  .number = acquired.number,
                                  .item = acquired.item,
-                                 .rate = source_.rate()}));
+                                 .rate = source_.rate(),
+                                 .captured_ns = acquired.captured_ns}));
     buffer_ = nullptr;
     notify_presenter();
     return Step::Worked;

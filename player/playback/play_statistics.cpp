@@ -14,13 +14,6 @@ namespace {
 
 using nlohmann::ordered_json;
 
-ordered_json latency_json(const LatencySummary& latency) {
-  return {{"count", latency.count},
-          {"p50", latency.p50_us},
-          {"p99", latency.p99_us},
-          {"max", latency.max_us}};
-}
-
 ordered_json pace_json(const PaceCounts& pace) {
   return {{"vblanks", pace.vblanks},
           {"shown", pace.shown},
@@ -36,6 +29,13 @@ ordered_json pace_json(const PaceCounts& pace) {
 }
 
 }  // namespace
+
+ordered_json latency_json(const LatencySummary& latency) {
+  return {{"count", latency.count},
+          {"p50", latency.p50_us},
+          {"p99", latency.p99_us},
+          {"max", latency.max_us}};
+}
 
 ResidentMemory read_resident_memory() {
   ResidentMemory memory;
@@ -72,6 +72,7 @@ nlohmann::ordered_json to_json(const PlayReport& report) {
   for (const auto& [name, field] : kPresenterCounters<uint64_t>) json[name] = report.*field;
   for (const auto& [name, field] : kFrameCopierCounters<uint64_t>) json[name] = report.*field;
   json.update({{"ring_fill", {{"min", report.ready_min}, {"avg", report.ready_avg}}},
+               {"capture_to_submit_us", latency_json(report.capture_to_submit)},
                {"submit_to_flip_us", latency_json(report.submit_to_flip)},
                {"wake_latency_us", latency_json(report.wake)},
                {"copy_us", latency_json(report.copy)},

@@ -32,6 +32,8 @@ struct LatencySummary {
   double max_us = 0;
 };
 
+[[nodiscard]] nlohmann::ordered_json latency_json(const LatencySummary& latency);
+
 /// LatencyHistogram computes percentiles of durations in constant memory: one writer that never
 /// waits, any number of readers.
 /// Uses sixteen bins per power of two, so that a percentile is at most 6 % too large; the maximum
@@ -129,6 +131,7 @@ struct PresenterCounts {
   Value frames_lost{};      ///< frames lost with the display before they were visible
   Value frames_shown_again{};  ///< frames displayed when the display was lost and shown again
   Value frames_cut{};          ///< filled frames left out because of a jump
+  Value frames_superseded{};   ///< filled live frames left out because a newer one was filled
 };
 template <class Value>
 inline constexpr std::pair<const char*, Value PresenterCounts<Value>::*> kPresenterCounters[] = {
@@ -141,6 +144,7 @@ inline constexpr std::pair<const char*, Value PresenterCounts<Value>::*> kPresen
     {"frames_lost", &PresenterCounts<Value>::frames_lost},
     {"frames_shown_again", &PresenterCounts<Value>::frames_shown_again},
     {"frames_cut", &PresenterCounts<Value>::frames_cut},
+    {"frames_superseded", &PresenterCounts<Value>::frames_superseded},
 };
 static_assert(std::size(kPresenterCounters<uint64_t>) * sizeof(uint64_t) ==
                   sizeof(PresenterCounts<uint64_t>),
@@ -179,6 +183,7 @@ struct PresenterStatistics : PresenterCounts<Counter> {
   Counter first_vblank_ns;  ///< display clock
   Counter last_sequence;
   Counter last_vblank_ns;
+  LatencyHistogram capture_to_submit;  ///< of live frames
   LatencyHistogram submit_to_flip;
   LatencyHistogram wake;  ///< time from the vblank until the presenter runs
 };
@@ -241,6 +246,7 @@ struct PlayReport : PresenterCounts<uint64_t>, FrameCopierCounts<uint64_t> {
   double first_frame_ms = 0;       ///< time from the start of the command; 0 = not yet
   uint64_t ready_min = 0;
   double ready_avg = 0;
+  LatencySummary capture_to_submit;
   LatencySummary submit_to_flip;
   LatencySummary wake;
   LatencySummary copy;

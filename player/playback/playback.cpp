@@ -260,7 +260,10 @@ class Presenter {
   /// frame, and change it with any frame.
   [[nodiscard]] frames::Rate content_wanted() const noexcept {
     const FilledFrame* const head = frame_copier_.peek();
-    const auto own = options_.content || head == nullptr ? options_.content : head->rate;
+    const bool live = head != nullptr && head->captured_ns > 0;  // due at each vblank
+    const auto own = live                                  ? std::nullopt
+                     : options_.content || head == nullptr ? options_.content
+                                                           : head->rate;
     return scaled_rate(own.value_or(display_.mode().refresh),
                        speed_permille_.load(std::memory_order_acquire));
   }
@@ -294,6 +297,7 @@ class Presenter {
       return request_vblank(vblanks_.last());
     }
     if (timed_cut_ && target < *timed_cut_) return request_vblank(*timed_cut_ - 2);
+    keep_newest_live();
 
     while (true) {
       discard_before(pacer_.frame());
@@ -337,6 +341,8 @@ class Presenter {
     if (!in_time) statistics_.late_submits.add();
     frame_copier_.pop();
     pacer_.submitted(target, in_time);
+    live_ = head.captured_ns > 0;
+    if (live_) statistics_.capture_to_submit.record(now - Nanoseconds(head.captured_ns));
     pending_ = {.target = target,
                 .id = id,
                 .submitted = now,
@@ -365,7 +371,7 @@ class Presenter {
                                                                    : PlayOutcome::SourceFailed);
     }
     const Nanoseconds now = display_.now();
-    if (frame_copier_.idle()) {
+    if (frame_copier_.idle() || live_) {
       starved_since_.reset();
       pacer_.begin_epoch();
     } else if (!starved_since_) {
@@ -425,6 +431,16 @@ class Presenter {
     wanted_rate_ = content_wanted();
     pacer_.resume(wanted_rate_, display_.mode().refresh, head->index);
     state_rate();
+  }
+  /// Leaves out the filled live frames that a newer one replaces. A live frame is shown at once:
+  /// the schedule begins anew with it.
+  void keep_newest_live() noexcept {
+    const FilledFrame* const head = frame_copier_.peek();
+    if (head == nullptr || head->captured_ns == 0) return;
+    for (; frame_copier_.filled() > 1; statistics_.frames_superseded.add()) discard_head();
+    const uint64_t index = frame_copier_.peek()->index;
+    if (index != pacer_.frame())
+      pacer_.resume(display_.mode().refresh, display_.mode().refresh, index);
   }
   /// Follows the rate of the next frame, because items of a list may have rates of their own, and
   /// the speed.
@@ -646,6 +662,7 @@ class Presenter {
   std::optional<uint64_t> timed_cut_;  ///< first vblank that may show the frame after a timed cut
   bool shows_one_more_ = true;         ///< shows one more frame although paused
   bool off_ = false;                   ///< the output is switched off
+  bool live_ = false;                  ///< the last submitted frame came in live
   int events_lost_in_a_row_ = 0;
   int refused_in_a_row_ = 0;
   SoundAnchor sound_;
@@ -785,6 +802,7 @@ void add_counters(const LiveStatistics& live, PlayReport& report) {
     report.*kPresenterCounters<uint64_t>[k].second =
         (presenter.*kPresenterCounters<Counter>[k].second).get();
   report.refresh_measured_hz = measured_refresh_hz(presenter);
+  report.capture_to_submit = presenter.capture_to_submit.summary();
   report.submit_to_flip = presenter.submit_to_flip.summary();
   report.wake = presenter.wake.summary();
 

@@ -391,9 +391,11 @@ class ItemLoader {
     return {.source = parse_source("black"), .loops = kForever, .rate = frames::Rate{4, 1}};
   }
 
-  /// Returns the frame at which an item is opened to continue. A ring has no earlier frames.
+  /// Returns the frame at which an item is opened to continue. What comes in live has no earlier
+  /// frames.
   static uint64_t opening_frame(const PlaylistItem& item, uint64_t frame) {
-    return item.source.kind == SourceKind::Ring ? 0 : frame;
+    const SourceKind kind = item.source.kind;
+    return kind == SourceKind::Ring || kind == SourceKind::Live ? 0 : frame;
   }
 
   static std::string files_to_play(size_t files) {

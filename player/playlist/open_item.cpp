@@ -13,6 +13,11 @@ bool OpenItem::waited_too_long() const {
   return !is_alone() && waited.count() > item.wait_s;
 }
 
+bool OpenItem::live_is_over() const {
+  const std::chrono::duration<double> shown = std::chrono::steady_clock::now() - begun;
+  return opened.live && item.duration_s && shown.count() >= *item.duration_s;
+}
+
 std::optional<uint64_t> OpenItem::frame_limit(frames::Rate rate) const {
   const auto seconds = item.still_s && is_still() ? item.still_s : item.duration_s;
   if (!seconds) return std::nullopt;

@@ -41,9 +41,13 @@ struct OpenItem {
   frames::FrameDamage damage{};  ///< the part that is already reported
   bool skips_to_first = false;
   bool waits_for_renderer = false;  ///< a ring between two sequences
+  std::chrono::steady_clock::time_point begun{};
   std::chrono::steady_clock::time_point waiting_since{};
 
   [[nodiscard]] bool is_still() const { return opened.source->frame_count() == uint64_t{1}; }
+  /// Returns true for live pictures whose time is over: their frames need not come at a steady
+  /// rate.
+  [[nodiscard]] bool live_is_over() const;
   /// Returns true for the item of a list of one, which waits for frames as long as its player does.
   [[nodiscard]] bool is_alone() const { return list->is_single(); }
   /// Returns true for the black that is shown before any item or default can be.

@@ -20,6 +20,7 @@
 #include "optics/json_fields.h"
 #include "optics/toml.h"
 #include "player/playlist/folder_lists.h"
+#include "player/sources/capture_source.h"
 #include "player/sources/content.h"
 
 namespace lenticule::player {
@@ -443,6 +444,7 @@ class Reader {
     const SourceSpec source = parse_source(name, {}, folder_);
     if (source.kind == SourceKind::List && !names_folder(source.text))
       fail_at(line, "source: a list cannot contain a list");
+    if (source.kind == SourceKind::Live) (void)parse_capture(source.text);
     return source.in_folder(folder_);
   }
   [[nodiscard]] std::string text(const toml::node& node) const {

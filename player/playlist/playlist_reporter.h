@@ -60,8 +60,9 @@ struct PlaylistStatus {
   frames::FrameDamage damage{};  ///< total over all items so far
   /// The damaged items, by source.
   std::map<std::string, frames::FrameDamage> damaged_items{};
-  bool opening = false;       ///< the target of a jump is being opened
-  std::string cued{};         ///< source of the cued item; empty if none
+  std::shared_ptr<const CaptureStatistics> live{};  ///< of the item; null if it is not live
+  bool opening = false;                             ///< the target of a jump is being opened
+  std::string cued{};                               ///< source of the cued item; empty if none
   std::string interrupted{};  ///< source that continues after the interruption; empty without one
 };
 
@@ -122,6 +123,7 @@ class PlaylistReporter {
     status_.list = item.list->name;
     status_.items = item.list->items.size();
     status_.source = item.item.source.text;
+    status_.live = item.opened.live;
     const auto index = item.interrupts ? std::nullopt : item.index;
     status_.item = index;
     status_.frames = item.opened.source->frame_count();

@@ -192,7 +192,7 @@ class PlaylistSource final : public frames::FrameSource {
         want_next_in_time();
         return PullStatus::Ready;
       case PullStatus::NotYet:
-        idle_ = item.waits_for_renderer;
+        idle_ = item.waits_for_renderer || item.opened.live;
         want_next_in_time();
         if (item.pulled_this_round == 0 && loader_.is_outdated()) {
           leave_current();
@@ -279,6 +279,7 @@ class PlaylistSource final : public frames::FrameSource {
   /// ready.
   [[nodiscard]] bool is_over(const OpenItem& item) const {
     if (!item.index) return false;
+    if (item.opened.live) return item.live_is_over();
     const auto limit = item.frame_limit(rate_of(item));
     return limit && item.frames_pulled >= *limit;
   }
@@ -334,7 +335,7 @@ class PlaylistSource final : public frames::FrameSource {
   void begin(std::unique_ptr<OpenItem> item) {
     item->number = next_number_++;
     begin_sound(*item);
-    item->waiting_since = SteadyClock::now();
+    item->begun = item->waiting_since = SteadyClock::now();
     current_ = std::move(item);
     next_asked_ = false;
     watch(*current_, true);

@@ -221,9 +221,12 @@ void check_step_flags(const PlayFlags& flags, SourceKind kind) {
   if (!named)
     refuse_step(fmt::format("--step '{}': not the name of a group", flags.step),
                 fmt::format("use at most {} letters, digits, '.', '_' and '-'", kStepNameBytes));
-  if (kind == SourceKind::List || kind == SourceKind::Ring)
+  const bool is_list = kind == SourceKind::List;
+  if (is_list || kind == SourceKind::Ring || kind == SourceKind::Live)
     refuse_step(fmt::format("--step: {} is a {}, whose frames have no common numbers", flags.source,
-                            kind == SourceKind::List ? "list" : "ring"),
+                            is_list                    ? "list"
+                            : kind == SourceKind::Ring ? "ring"
+                                                       : "camera"),
                 "play one film or one pattern of pictures on all players");
   if (flags.clock == "simulated")
     refuse_step("--step: cannot be combined with --clock simulated", "leave out --clock simulated");
@@ -279,7 +282,7 @@ void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   const SourceSpec& source = plan.source;
   ContentFlags layout = source.content;
   if (names_folder(source.text)) layout.reweave = false;  // for all of its files
-  if (layout != ContentFlags{} && !source.has_pictures())
+  if (layout != ContentFlags{} && !source.takes_layout())
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: flags for the layout of views need a single file", source.text),
                 "items of a list have keys for it: grid = \"8x6\", stereo = \"sbs\" "
@@ -351,7 +354,8 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.playback.loops = parse_loops(flags, kind);
   plan.playback.late = parse_late_policy(flags.late);
   const auto wait = parse_wait("--wait", flags.wait.empty() ? "60" : flags.wait, 1);
-  plan.outlasts_faults = plan.playback.loops != 1 || !flags.control.empty();
+  plan.outlasts_faults =
+      plan.playback.loops != 1 || !flags.control.empty() || kind == SourceKind::Live;
   const bool gives_up = !flags.wait.empty() || kind == SourceKind::Ring ||
                         !(plan.outlasts_faults || kind == SourceKind::List);
   plan.playback.stall_timeout = gives_up ? wait : std::nullopt;

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Implements lenticule play --preflight: tests whether disk and decoder are fast enough.
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -51,6 +53,10 @@ ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
   if (item.source.kind == SourceKind::Ring) return row;
   try {
     OpenedSource opened = item_opener(plan)(item, 0);
+    if (opened.live) {  // the camera determines its own pace
+      row["live"] = {{"device", opened.live->device}, {"offers", capture_offers(item.source.text)}};
+      return row;
+    }
     const frames::FrameGeometry size = opened.source->geometry();
     if (size != plan.context.panel)
       row["problems"].push_back(fmt::format("frames of {}x{} pixels, but the panel has {}x{}",
@@ -90,8 +96,15 @@ void print_row(const ordered_json& row) {
         source, figures["too_slow"].get<bool>() ? "TOO SLOW" : "keeps up",
         figures["needed_frames_per_s"].get<double>(), figures["needed_mb_per_s"].get<double>(),
         figures["seen_frames_per_s"].get<double>(), figures["seen_mb_per_s"].get<double>());
+  else if (row.contains("live"))
+    print_out("{}: {}\n", source, row["live"]["device"].get<std::string>());
   else if (row["problems"].empty())
     print_out("{}: a ring is not checked\n", source);
+  if (row.contains("live"))
+    for (const auto& offer : row["live"]["offers"])
+      print_out("  {} {}: {}\n", offer["device"].get<std::string>(),
+                offer["format"].get<std::string>(),
+                fmt::format("{}", fmt::join(offer["sizes"].get<std::vector<std::string>>(), ", ")));
   if (row.contains("sound")) print_out("{}: sound: {}\n", source, json_text(row["sound"]));
 }
 

@@ -232,6 +232,7 @@ class PlayControls final : public ControlTarget {
         json[key] = text.empty() ? ordered_json(nullptr) : ordered_json(text);
       json["items_skipped"] = status.skipped;
       json["last_problem"] = status.last_problem;
+      if (status.live) json["live"] = to_json(*status.live);
       json.update(to_json(status.damage));
     }
     if (plan_.trim) json["trim"] = trim_json(plan_.trim->trim());
@@ -559,11 +560,12 @@ class SteeredPlay {
       if (plan_.trim) plan_.trim->note_content(opened.woven_elsewhere);
       const auto count = opened.source->frame_count();
       const bool still = count ? *count == 1 : plan_.source.may_be_still();
-      if (!still || !plan_.source.has_pictures()) return;
+      const bool is_live = opened.live != nullptr;  // which may be lost and come back
+      if (!is_live && (!still || !plan_.source.has_pictures())) return;
     } else {
       opened = {};
     }
-    // A still picture is an item of a list, which knows how long it stays.
+    // A still picture or a camera is an item of a list, which knows how long it stays.
     const auto first = std::make_shared<OpenedSource>(std::exchange(opened, {}));
     auto source = std::make_unique<PlaylistSource>(
         std::make_shared<const Playlist>(read_playlist(plan_.source, flags_, plan_)),
@@ -635,6 +637,7 @@ class SteeredPlay {
     if (source_ != nullptr) {
       const PlaylistStatus status = source_->status();
       statistics["loops"] = status.loops;
+      if (status.live) statistics["live"] = to_json(*status.live);
       statistics["playlist"] = {{"list", status.list},
                                 {"source", status.source},
                                 {"items", status.items},

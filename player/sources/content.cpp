@@ -18,6 +18,7 @@
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/views_input/content_name.h"
+#include "player/sources/capture_source.h"
 #include "player/sources/video_probe.h"
 
 namespace lenticule::player {
@@ -281,6 +282,30 @@ Content picture(const SourceSpec& source, bool patterns_are_views) {
   return {.kind = Kind::Woven};
 }
 
+/// Returns the format of pictures that come in live, which flags state alone.
+Content live(const SourceSpec& source, int cameras) {
+  const ContentFlags& flags = source.content;
+  if (!flags.depth.empty() && !frames::parse_depth_layout(flags.depth))
+    throw Error(ErrorKind::Usage,
+                fmt::format("--depth {}: live pictures have no file", flags.depth),
+                "name the side of the picture that holds the depth: --depth right");
+  const bool states = !flags.grid.empty() || !flags.depth.empty() || !flags.stereo.empty();
+  if (cameras > 1 && states)
+    throw Error(ErrorKind::Usage,
+                source.text + ": --grid, --stereo and --depth do not apply to several cameras",
+                "each camera is a view, from left to right; --invert exchanges their order");
+  if (cameras > 1) {
+    Content content{.kind = Kind::Quilt};
+    content.layout = {.columns = cameras, .rows = 1, .views = cameras, .aspect = flags.aspect};
+    return content;
+  }
+  if (!flags.depth.empty()) return with_depth(flags, std::nullopt);
+  if (!flags.grid.empty()) return quilt(source, std::nullopt);
+  if (!flags.stereo.empty() && flags.stereo != "none")
+    return stereo(frames::parse_stereo(flags.stereo), flags);
+  return {.kind = Kind::Woven};
+}
+
 Content content_of(const SourceSpec& source, const std::string& rig_fingerprint,
                    bool patterns_are_views) {
   if (source.kind == SourceKind::ViewFiles) {
@@ -289,8 +314,10 @@ Content content_of(const SourceSpec& source, const std::string& rig_fingerprint,
                   "for example 'views:view%02d.png' or 'views:left.png|right.png'");
     return {.kind = Kind::ViewFiles};
   }
-  if (!source.has_pictures()) return {};
+  if (!source.takes_layout()) return {};
   if (!source.content.from_rig.empty()) return other_rig(source.content);
+  if (source.kind == SourceKind::Live)
+    return live(source, static_cast<int>(parse_capture(source.text).devices.size()));
   if (source.kind == SourceKind::Sequence) return container(source, rig_fingerprint);
   return picture(source, patterns_are_views);
 }
@@ -307,7 +334,7 @@ void refuse_idle_flags(const SourceSpec& source, Kind kind) {
                 "name the depth with --depth; pictures for two eyes only move, with --zero-plane");
   const bool about_views =
       flags.views != 0 || flags.aspect || flags.invert || !flags.zero_plane.empty();
-  if (kind == Kind::Woven && about_views && source.has_pictures())
+  if (kind == Kind::Woven && about_views && source.takes_layout())
     throw Error(
         ErrorKind::Usage,
         fmt::format("{}: --views, --aspect, --invert and --zero-plane do not apply to woven frames",

@@ -87,7 +87,8 @@ void refuse_other_kinds(const SourceSpec& source) {
   const std::string& text = source.text;
   if (source.has_pictures() && !text.empty()) return;
   throw Error(ErrorKind::Usage, fmt::format("source '{}': unknown kind of source", text),
-              "use ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, "
+              "use ring:SOCKET, v4l2:DEVICE, FILE.lts, a pattern such as 'out/%05d.png', one "
+              "picture, a video, "
               "LIST.toml, .m3u or .json, a folder, card, black, views or code:TEXT");
 }
 
@@ -153,7 +154,8 @@ OpenedSource open_woven(const SourceSpec& source, const OpenContext& context) {
 
 /// Opens views, which are woven here. Quilts are large: only a few are kept ahead, beside the
 /// requested number of woven frames.
-OpenedSource open_and_weave(const Content& content, const OpenContext& context) {
+OpenedSource open_and_weave(const Content& content, const OpenContext& context,
+                            OpenedCapture live = {}) {
   constexpr int kPicturesAhead = 4;
   LENTICULE_CHECK(context.rig != nullptr);
   PictureOptions options = picture_options(context);
@@ -161,14 +163,40 @@ OpenedSource open_and_weave(const Content& content, const OpenContext& context) 
   options.before_weaving = true;
   const optics::Rig rig = context.rig->rig();
   options.rig = &rig;
+  if (live.pictures) options.pictures = [&live] { return std::move(live.pictures); };
   OpenedSource opened;
+  opened.live = live.statistics;
   opened.source = std::make_unique<WeavingSource>(
       open_views(content, options), WeavingSourceOptions{.name = content.source.text,
                                                          .rig = context.rig,
                                                          .weaving = context.weaving,
                                                          .threads = decoding_threads(),
                                                          .pool_frames = std::max(context.slots, 3),
-                                                         .plays_again = context.plays_again});
+                                                         .plays_again = context.plays_again,
+                                                         .live = live.statistics});
+  return opened;
+}
+
+// --- pictures that come in live -------------------------------------------------------------
+
+OpenedSource open_live(const SourceSpec& source, const OpenContext& context) {
+  if (context.frames)
+    throw Error(ErrorKind::Usage, "--frames: live pictures have no numbers to choose",
+                "use --duration");
+  const Content content = identify(source, present_rig(context).fingerprint);
+  OpenedCapture live = open_capture(source.text, context.panel);
+  if (content.kind != Content::Kind::Woven)
+    return open_and_weave(content, context, std::move(live));
+  const frames::FrameGeometry size = live.pictures->geometry();
+  if (size != context.panel)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", source.text,
+                            size.width, size.height, context.panel.width, context.panel.height),
+                remedy_of_unwoven(size));
+  OpenedSource opened;
+  opened.source = std::move(live.pictures);
+  opened.live = std::move(live.statistics);
+  opened.woven_elsewhere = true;
   return opened;
 }
 
@@ -228,6 +256,8 @@ OpenedSource open_source(const SourceSpec& source, const OpenContext& context) {
       return open_still(source, context, "numbered views");
     case SourceKind::Ring:
       return open_ring(source, context);
+    case SourceKind::Live:
+      return open_live(source, context);
     case SourceKind::ViewFiles:
     case SourceKind::List:
     case SourceKind::Sequence:

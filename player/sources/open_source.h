@@ -73,6 +73,8 @@ struct OpenedSource {
   /// Called with the number that the item's frames will have, and the rounds to play, as known at
   /// the start of each; may be null. Owns the sound.
   std::function<void(uint64_t item, uint64_t rounds)> begin_sound;
+  /// Statistics of pictures that come in live; null for other sources.
+  std::shared_ptr<CaptureStatistics> live;
   /// The frames were woven before they came here, so that a trim does not change them.
   bool woven_elsewhere = false;
 };

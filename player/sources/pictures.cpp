@@ -221,7 +221,7 @@ class ViewsOpener {
   using Arrangement = std::unique_ptr<frames::ViewArrangement>;
 
   const FrameSource& add_pictures(const std::string& name) {
-    sources_.push_back(open_pictures(name, options_));
+    sources_.push_back(options_.pictures ? options_.pictures() : open_pictures(name, options_));
     return *sources_.back();
   }
   [[nodiscard]] std::unique_ptr<ViewInput> input_of(Arrangement arrangement) {

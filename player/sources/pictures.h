@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -34,6 +35,8 @@ struct PictureOptions {
   /// Decodes videos in hardware where a device can.
   bool hardware = false;
   std::optional<int> stream = std::nullopt;  ///< stream of a video; default: the first
+  /// Returns the pictures, in place of files; may be null. Called once.
+  std::function<std::unique_ptr<frames::FrameSource>()> pictures = nullptr;
 };
 
 /// Throws Error(Usage) and Error(Input) as the functions of the individual kinds do.

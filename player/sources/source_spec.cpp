@@ -23,6 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kRingPrefix = "ring:";
+constexpr std::string_view kLivePrefix = "v4l2:";
 constexpr std::string_view kViewFilesPrefix = "views:";
 constexpr std::string_view kCode = "code";
 constexpr std::string_view kCodePrefix = "code:";
@@ -52,6 +53,7 @@ SourceKind kind_of(const std::string& text) {
   if (text == "views") return SourceKind::RigViews;
   if (text == kCode || text.starts_with(kCodePrefix)) return SourceKind::Code;
   if (text.starts_with(kRingPrefix)) return SourceKind::Ring;
+  if (text.starts_with(kLivePrefix)) return SourceKind::Live;
   if (text.starts_with(kViewFilesPrefix)) return SourceKind::ViewFiles;
   if (lower_case(text).ends_with(".toml") || is_m3u_name(text) || is_json_name(text) ||
       text.ends_with('/'))
@@ -137,7 +139,7 @@ std::string SourceSpec::without_prefix() const {
 
 std::vector<std::string> SourceSpec::files() const {
   if (kind == SourceKind::Card || kind == SourceKind::Black || kind == SourceKind::RigViews ||
-      kind == SourceKind::Code || kind == SourceKind::Ring)
+      kind == SourceKind::Code || kind == SourceKind::Ring || kind == SourceKind::Live)
     return {};
   if (kind != SourceKind::ViewFiles) return {text};
   std::vector<std::string> files(1);

@@ -21,6 +21,7 @@ enum class SourceKind {
   RigViews,   ///< "views": the rig's views, each showing its number
   Code,       ///< "code:TEXT": the QR code of a text
   Ring,       ///< "ring:SOCKET": frames of another process
+  Live,       ///< "v4l2:DEVICE", "v4l2:DEVICE,DEVICE": cameras and grabbers
   ViewFiles,  ///< "views:PATTERN", "views:A|B": a picture or a film per view
   List,       ///< "NAME.toml", ".m3u", ".json": a playlist; "FOLDER/", "FOLDER": its files
   Sequence,   ///< "NAME.lts", and "NAME.lts.part" while it is unfinished
@@ -74,6 +75,8 @@ struct SourceSpec {
 
   /// Returns true for a source whose pictures are in files.
   [[nodiscard]] bool has_pictures() const;
+  /// Returns true for a source whose layout of views flags can state.
+  [[nodiscard]] bool takes_layout() const { return has_pictures() || kind == SourceKind::Live; }
   /// Returns true for animations, of which only the end tells whether they have several frames.
   [[nodiscard]] bool may_be_still() const;
   /// Returns the text after "ring:" or "views:", otherwise the whole text.

@@ -27,6 +27,7 @@
 #include "frames/views_input/view_input.h"
 #include "frames/weaving/crosstalk.h"
 #include "frames/weaving/fast_weaver.h"
+#include "player/sources/capture_source.h"
 #include "player/sources/live_rig.h"
 #include "player/sources/pictures.h"
 
@@ -93,6 +94,9 @@ struct WeavingSourceOptions {
   int pool_frames = 8;  ///< woven frames kept ready, at least 3
   /// Weaves on into the next round, so that rewind() is immediate.
   bool plays_again = true;
+  /// Statistics of pictures that come in live, whose newest frame replaces older ones; null for
+  /// other inputs.
+  std::shared_ptr<CaptureStatistics> live = nullptr;
 };
 
 /// WeavingSource weaves views from any input during playback. When the rig file or its trim
@@ -151,7 +155,8 @@ class WeavingSource final : public frames::FrameSource {
     ++slot->acquired;
     out = {.frame = slot->frame.view(),
            .number = slot->number,
-           .token = static_cast<uint64_t>(slot - slots_.data())};
+           .token = static_cast<uint64_t>(slot - slots_.data()),
+           .captured_ns = slot->captured_ns};
     ++next_pull_;
     return PullStatus::Ready;
   }
@@ -177,7 +182,7 @@ class WeavingSource final : public frames::FrameSource {
     }));
   }
   [[nodiscard]] bool saturated() const override {
-    if (still_) return true;
+    if (still_ || options_.live) return true;
     const std::lock_guard lock(mutex_);
     if (!failure_.empty() || nothing_to_do_) return true;
     return std::none_of(slots_.begin(), slots_.end(), [](const Slot& slot) {
@@ -204,6 +209,7 @@ class WeavingSource final : public frames::FrameSource {
     const std::lock_guard lock(mutex_);
     return failure_;
   }
+  [[nodiscard]] bool waits_for_others() const override { return options_.live != nullptr; }
   [[nodiscard]] frames::FrameDamage damage() const override { return input_->damage(); }
   [[nodiscard]] std::string video_decoder() const override { return input_->video_decoder(); }
 
@@ -225,6 +231,7 @@ class WeavingSource final : public frames::FrameSource {
     SlotState state = SlotState::Free;
     uint64_t ticket = 0;
     uint64_t number = 0;
+    int64_t captured_ns = 0;
     int acquired = 0;
     frames::WovenFrame frame;
   };
@@ -335,12 +342,14 @@ class WeavingSource final : public frames::FrameSource {
   /// Weaves the views. A repeated frame is copied if the rig is the same.
   void fill(Slot& slot) {
     const auto pipeline = newest_pipeline();
+    const auto begin = std::chrono::steady_clock::now();
     if (input_->repeats() && woven_last_ != nullptr && woven_by_ == pipeline) {
       if (woven_last_ != &slot)
         std::ranges::copy(woven_last_->frame.bytes(), slot.frame.bytes().begin());
     } else {
       pipeline->weave(input_->views(), slot.frame);
     }
+    if (options_.live) options_.live->weaving.record(std::chrono::steady_clock::now() - begin);
     woven_last_ = &slot;
     woven_by_ = pipeline;
   }
@@ -385,11 +394,22 @@ class WeavingSource final : public frames::FrameSource {
   void publish(Slot& slot) {
     {
       const std::lock_guard lock(mutex_);
+      if (options_.live) supersede();
       slot.state = SlotState::Ready;
       slot.ticket = next_weave_++;
       slot.number = input_->number();
+      slot.captured_ns = input_->captured_ns();
     }
     wake_.signal();
+  }
+  /// Frees the frames that a newer live one replaces. The caller holds the mutex.
+  void supersede() {
+    for (Slot& slot : slots_) {
+      if (slot.state != SlotState::Ready) continue;
+      slot.state = SlotState::Free;
+      options_.live->woven_superseded.add();
+    }
+    next_pull_ = next_weave_;
   }
   void fail(const std::string& why) {
     {

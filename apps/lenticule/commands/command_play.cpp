@@ -98,8 +98,10 @@ CLI::Option* declare_first_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option(
          "SOURCE", flags.source,
          "FILE.lts, pictures ('out/%05d.png'), a video, quilts, LIST.toml, .m3u or .json, FOLDER/, "
-         "ring:SOCKET, card or views\n"
-         "Woven frames: ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', "
+         "ring:SOCKET, v4l2:DEVICE, card or views\n"
+         "Live: v4l2:/dev/video0 (a camera or grabber, with --stereo, --grid or --depth), "
+         "v4l2:/dev/video0,/dev/video2 (left and right). Woven frames: ring:SOCKET, a sequence "
+         "FILE.lts, a pattern such as 'out/%05d.png', "
          "a picture, a video. Views, which are woven during playback: a quilt, a pattern or "
          "a video of quilts (NAME_qs8x6a0.75.png), stereo (NAME_sbs.mkv), depth "
          "(NAME_rgbd.png), 'views:view%02d.png'. LIST.toml is a playlist, FOLDER/ stands for "

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads any bytes as a camera's format and picture: the result is an Error, a damaged picture, or
-// light in [0, 1].
+// light in [0, 1], and codes for a panel.
 //   byte 0     index of the pixel format
 //   bytes 1-2  width and height
 //   byte 3     padding of rows
@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "calib/cameras/pixel_unpack.h"
+#include "frames/capture/code_converter.h"
 
 namespace {
 
@@ -56,6 +57,13 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     else
       LENTICULE_CHECK(unpacker.bytes_needed() == 0 ||
                       picture_bytes.size() < unpacker.bytes_needed());
+    // Another fuzz target has the decoder of JPEG.
+    if (layout_of(format.fourcc)->packing == Packing::Jpeg) return 0;
+    const size_t stride = static_cast<size_t>(format.width) * 3;
+    std::vector<uint8_t> codes(stride * static_cast<size_t>(format.height));
+    const bool whole = CodeConverter(format, "fuzz")
+                           .convert(picture_bytes, {.pixels = codes.data(), .stride = stride}, 1);
+    LENTICULE_CHECK(whole == (picture_bytes.size() >= unpacker.bytes_needed()));
   } catch (const lenticule::Error& error) {
     LENTICULE_CHECK(error.kind() == lenticule::ErrorKind::Device);
   }
