@@ -244,10 +244,13 @@ class Reader {
         // type is checked first.
         const auto* const format = node.as_integer();
         if (format == nullptr || format->get() != 1) fail(node, "format: unknown; expected 1");
-      } else if (key.str() == "loop") {
-        list.rounds = loops(node);
-      } else if (key.str() == "shuffle") {
-        list.shuffle = seed(node);
+      } else if (key.str() == "loop" || key.str() == "shuffle") {
+        key_ = key.str();
+        if (key_ == "loop")
+          list.rounds = loops(node);
+        else
+          list.shuffle = seed(node);
+        key_.clear();
       } else if (key.str() == "default") {
         list.standby = item(node);
         if (names_folder(list.standby->source.text))
@@ -324,7 +327,8 @@ class Reader {
  private:
   [[noreturn]] void fail(const toml::node& node, const std::string& cause,
                          const std::string& remedy = {}) const {
-    fail_at(node.source().begin.line, cause, remedy);
+    const bool named = key_.empty() || cause.starts_with(key_);
+    fail_at(node.source().begin.line, named ? cause : fmt::format("{}: {}", key_, cause), remedy);
   }
   [[noreturn]] void fail_at(toml::source_index line, const std::string& cause,
                             const std::string& remedy = {}) const {
@@ -351,6 +355,7 @@ class Reader {
   }
   void item_key(std::string_view key, const toml::node& node, PlaylistItem& item,
                 ContentFlags& content) const {
+    key_ = key;
     try {
       if (key == "source") {
         item.source = source(text(node), node.source().begin.line);
@@ -377,14 +382,19 @@ class Reader {
       } else if (key == "volume") {
         item.volume_db = decibels(node);
       } else if (!layout_key(key, node, content)) {
-        fail(node, fmt::format("unknown key '{}'", key.substr(0, 64)),
-             "an item has source, loops, duration_s, fps, frames, cut, sound, volume, wait_s, "
-             "weight, fit, schedule, and the layout of its views: grid, stereo, depth...");
+        fail_at(node.source().begin.line, fmt::format("unknown key '{}'", key.substr(0, 64)),
+                "an item has source, loops, duration_s, fps, frames, cut, sound, volume, wait_s, "
+                "weight, fit, schedule, and the layout of its views: grid, stereo, depth...");
       }
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::Input) throw;
-      fail(node, fmt::format("{}: {}", key, error.what()), error.hint());
+      std::string flag = fmt::format("--{} ", key);
+      std::ranges::replace(flag, '_', '-');
+      std::string_view cause = error.what();
+      if (cause.starts_with(flag)) cause.remove_prefix(flag.size());
+      fail(node, fmt::format("{}: {}", key, cause), error.hint());
     }
+    key_.clear();
   }
   /// Reads a key that states how the views lie, as the flag of the same name does. Returns false
   /// for other keys.
@@ -509,6 +519,7 @@ class Reader {
     if (table == nullptr) fail(node, "schedule: not a table");
     Schedule schedule;
     for (const auto& [key, value] : *table) {
+      key_ = key.str();
       if (key.str() == "days")
         schedule.days = days(value);
       else if (key.str() == "from")
@@ -523,6 +534,7 @@ class Reader {
         fail_at(key.source().begin.line, fmt::format("unknown key '{}'", key.str().substr(0, 64)),
                 "a schedule has days, from, to, dates and except");
     }
+    key_.clear();
     if (schedule.from_minute == schedule.to_minute || schedule.from_minute == 24 * 60)
       fail(node, "schedule: from and to leave no time in between");
     return schedule;
@@ -602,6 +614,7 @@ class Reader {
 
   std::string name_;
   std::filesystem::path folder_;
+  mutable std::string key_;  ///< the key that is being read, which errors name
   const char* before_place_ = is_json_name(name_) ? ": entry " : ":";
 };
 

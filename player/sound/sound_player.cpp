@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <condition_variable>
 #include <nlohmann/json.hpp>
@@ -34,11 +35,13 @@ constexpr std::array kBeside = {".opus", ".flac", ".wav", ".m4a", ".mp3", ".ogg"
 
 std::string file_beside(const SourceSpec& source) {
   if (!source.has_pictures() || source.kind == SourceKind::ViewFiles) return {};
-  for (const char* extension : kBeside) {
-    std::filesystem::path file = source.text;
-    file.replace_extension(extension);
-    if (file != source.text && mark_of(file).there) return file.string();
-  }
+  for (const bool capitals : {false, true})
+    for (std::string extension : kBeside) {
+      if (capitals) std::ranges::transform(extension, extension.begin(), ::toupper);
+      std::filesystem::path file = source.text;
+      file.replace_extension(extension);
+      if (file != source.text && mark_of(file).there) return file.string();
+    }
   return {};
 }
 
@@ -198,7 +201,8 @@ std::function<void(uint64_t, uint64_t)> SoundPlayer::open(const PlaylistItem& it
 
 void SoundPlayer::look() noexcept {
   std::vector<std::unique_ptr<Item>> over;  // ends without the lock
-  const uint64_t shown = clock_.anchor.read().item;
+  const SoundAnchor anchor = clock_.anchor.read();
+  const uint64_t shown = anchor.item;
   const std::lock_guard lock(mutex_);
   for (auto& item : left_) {
     const uint64_t number = item->number.load();
@@ -209,6 +213,14 @@ void SoundPlayer::look() noexcept {
   std::erase(left_, nullptr);
   for (Item* const item : items_) try {
       item->look();
+      const auto played = static_cast<double>(anchor.numerator) /
+                          static_cast<double>(std::max<uint64_t>(anchor.denominator, 1));
+      if (played > 0.0 && item->number.load() == shown && item->fps &&
+          !SoundMixer::follows(anchor, *item->fps))
+        complain(
+            fmt::format("{}: its sound is silent: the film has {:.4g} pictures a second and is "
+                        "played with {:.4g}",
+                        item->found.file, item->fps->hertz(), played));
     } catch (const std::exception& error) {
       complain(fmt::format("{}: its sound: {}; silent, and the player tries again",
                            item->found.file, error.what()));

@@ -31,7 +31,7 @@ constexpr double kSameAspect = 0.005;
 /// Parses "8x6", columns by rows, into the layout. Throws Error(Usage).
 void read_grid(const std::string& text, frames::QuiltLayout& layout) {
   const auto grid = numbers_from<int, 2>(text, 'x');
-  if (!grid)
+  if (!grid || (*grid)[0] < 1 || (*grid)[1] < 1)
     throw Error(ErrorKind::Usage, fmt::format("--grid '{}': not columns x rows", text),
                 "for example --grid 8x6, or 1x1 for an ordinary picture");
   layout.columns = (*grid)[0];
@@ -359,6 +359,11 @@ void check_layout(const ContentFlags& flags) {
   frames::DepthOptions depth;
   if (!flags.grid.empty()) read_grid(flags.grid, layout);
   if (!flags.stereo.empty() && flags.stereo != "none") (void)frames::parse_stereo(flags.stereo);
+  const std::string name = std::filesystem::path(flags.depth).filename().string();
+  if (!name.empty() && !frames::parse_depth_layout(flags.depth) &&
+      name.find_first_of(".%") == std::string::npos)
+    throw Error(ErrorKind::Usage, fmt::format("--depth '{}': neither a side nor a file", name),
+                "right, left, bottom or top, or the name of a file with its extension");
   if (!flags.depth_range.empty()) read_depth_range(flags.depth_range, depth);
   if (!flags.depth_distance.empty()) (void)parse_distances(flags.depth_distance);
   if (!flags.zero_plane.empty()) (void)parse_zero_plane(flags.zero_plane);

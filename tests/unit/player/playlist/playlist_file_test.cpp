@@ -228,10 +228,14 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   EXPECT_EQ(complaint("lop = 1\n" + item), "list.toml:1: unknown key 'lop'");
   EXPECT_EQ(complaint(item + "rig = \"other.toml\"\n"),
             "list.toml:3: rig: not allowed in a list, which is played on one panel");
-  EXPECT_THAT(complaint(item + "loops = 0\n"), testing::HasSubstr(":3: not a number of loops"));
-  EXPECT_THAT(complaint(item + "loops = 1.5\n"), testing::HasSubstr(":3: not a number of loops"));
-  EXPECT_THAT(complaint(item + "duration_s = -1\n"), testing::HasSubstr(":3: not a number of s"));
-  EXPECT_THAT(complaint(item + "duration_s = nan\n"), testing::HasSubstr(":3: not a number of s"));
+  EXPECT_THAT(complaint(item + "loops = 0\n"),
+              testing::HasSubstr(":3: loops: not a number of loops"));
+  EXPECT_THAT(complaint(item + "loops = 1.5\n"),
+              testing::HasSubstr(":3: loops: not a number of loops"));
+  EXPECT_THAT(complaint(item + "duration_s = -1\n"),
+              testing::HasSubstr(":3: duration_s: not a number of s"));
+  EXPECT_THAT(complaint(item + "duration_s = nan\n"),
+              testing::HasSubstr(":3: duration_s: not a number of s"));
   EXPECT_THAT(complaint(item + "fps = \"fast\"\n"), testing::HasSubstr("list.toml:3: fps: "));
   EXPECT_THAT(complaint(item + "loops = 2\nduration_s = 1\n"), testing::HasSubstr("exclude"));
   EXPECT_THAT(complaint("[[item]]\nsource = \"inner.toml\"\n"), testing::HasSubstr(":2: "));
@@ -243,23 +247,36 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   EXPECT_THAT(complaint(item + "grid = \"8by6\"\n"), testing::HasSubstr(":3: grid: "));
   EXPECT_THAT(complaint(item + "stereo = \"both\"\n"), testing::HasSubstr(":3: stereo: "));
   EXPECT_THAT(complaint(item + "depth_range = \"2\"\n"), testing::HasSubstr(":3: depth_range: "));
+  EXPECT_EQ(complaint(item + "depth_range = \"a:b\"\n"),
+            "list.toml:3: depth_range: 'a:b': not two disparities");
+  EXPECT_THAT(complaint(item + "grid = \"4x0\"\n"),
+              testing::HasSubstr(":3: grid: '4x0': not columns x rows"));
+  EXPECT_THAT(complaint(item + "depth = \"middle\"\n"),
+              testing::HasSubstr(":3: depth: 'middle': neither a side nor a file"));
+  EXPECT_EQ(complaint(item + "depth = \"depth.png\"\n"), "none");
+  EXPECT_THAT(complaint("[[item]]\nsource = \"v4l2:/dev/video0?size=4\"\n"),
+              testing::HasSubstr(":2: source: source 'v4l2:/dev/video0?size=4': size"));
   EXPECT_THAT(complaint(item + "fit = \"wide\"\n"), testing::HasSubstr(":3: fit: "));
   EXPECT_THAT(complaint(item + "grid = \"2x1\"\nstereo = \"sbs\"\n"),
               testing::HasSubstr("exclude each other"));
-  EXPECT_THAT(complaint(item + "views = 0\n"), testing::HasSubstr(":3: not a whole number from 1"));
-  EXPECT_THAT(complaint(item + "invert = 1\n"), testing::HasSubstr(":3: neither true nor false"));
-  EXPECT_THAT(complaint(item + "weight = 101\n"), testing::HasSubstr("from 1 to 100"));
-  EXPECT_THAT(complaint(item + "aspect = inf\n"), testing::HasSubstr(":3: not a number above 0"));
+  EXPECT_THAT(complaint(item + "views = 0\n"),
+              testing::HasSubstr(":3: views: not a whole number from 1"));
+  EXPECT_THAT(complaint(item + "invert = 1\n"),
+              testing::HasSubstr(":3: invert: neither true nor false"));
+  EXPECT_THAT(complaint(item + "weight = 101\n"),
+              testing::HasSubstr(":3: weight: not a whole number from 1 to 100"));
+  EXPECT_THAT(complaint(item + "aspect = inf\n"),
+              testing::HasSubstr(":3: aspect: not a number above 0"));
   EXPECT_THAT(complaint("shuffle = \"yes\"\n" + item),
-              testing::HasSubstr(":1: not a whole number"));
+              testing::HasSubstr(":1: shuffle: not a whole number"));
   EXPECT_THAT(complaint(item + "schedule = {dates = [\"24.12.\"]}\n"),
-              testing::HasSubstr(":3: '24.12.' is no date"));
+              testing::HasSubstr(":3: dates: '24.12.' is no date"));
   EXPECT_THAT(complaint(item + "schedule = {days = [\"noday\"]}\n"),
-              testing::HasSubstr(":3: not a day"));
+              testing::HasSubstr(":3: days: not a day"));
   EXPECT_THAT(complaint(item + "schedule = {from = \"8:00\"}\n"),
-              testing::HasSubstr(":3: not a time of day"));
+              testing::HasSubstr(":3: from: not a time of day"));
   EXPECT_THAT(complaint(item + "schedule = {from = \"25:00\"}\n"),
-              testing::HasSubstr(":3: not a time of day"));
+              testing::HasSubstr(":3: from: not a time of day"));
   EXPECT_THAT(complaint(item + "schedule = {from = \"08:00\", to = \"08:00\"}\n"),
               testing::HasSubstr("no time in between"));
 }
