@@ -2,6 +2,7 @@
 // Implements lenticule.h over RingRenderer: checks the arguments of C callers, and lets no
 // exception through.
 #include <chrono>
+#include <cstddef>
 #include <exception>
 #include <memory>
 
@@ -10,6 +11,7 @@
 #include "include/lenticule.h"
 
 using lenticule::frames::RendererHello;
+using lenticule::frames::RingContent;
 using lenticule::frames::RingRenderer;
 using lenticule::frames::RingStatus;
 
@@ -82,12 +84,13 @@ lenticule_status misuse(const char* what) noexcept {
 }
 
 RendererHello hello_of(const lenticule_hello* said) {
-  RendererHello hello = {.name = "unnamed", .rig_fingerprint = {}, .rate = {}, .frame_count = {}};
+  RendererHello hello{.name = "unnamed"};
   if (!said) return hello;
   if (said->name) hello.name = said->name;
   if (said->rig_fingerprint) hello.rig_fingerprint = said->rig_fingerprint;
   if (said->rate_numerator != 0 || said->rate_denominator != 0)
     hello.rate = lenticule::frames::Rate{said->rate_numerator, said->rate_denominator};
+  hello.views = said->struct_size >= sizeof(lenticule_hello) && said->pushes_views != 0;
   if (said->frame_count >= 0) hello.frame_count = static_cast<uint64_t>(said->frame_count);
   return hello;
 }
@@ -103,7 +106,7 @@ lenticule_status lenticule_ring_connect(const char* socket, const lenticule_hell
   if (!out) return misuse("lenticule_ring_connect: out is NULL");
   *out = nullptr;
   if (!socket) return misuse("lenticule_ring_connect: socket is NULL");
-  if (hello && hello->struct_size < sizeof(lenticule_hello))
+  if (hello && hello->struct_size < offsetof(lenticule_hello, pushes_views))
     return misuse("lenticule_ring_connect: initialise hello with LENTICULE_HELLO_INIT");
   return guarded([&] {
     auto ring = std::make_unique<lenticule_ring>();
@@ -136,6 +139,26 @@ size_t lenticule_ring_frame_bytes(const lenticule_ring* ring) {
 
 int lenticule_ring_slots(const lenticule_ring* ring) {
   return is_open(ring) ? ring->renderer->slots() : 0;
+}
+
+int lenticule_ring_views(const lenticule_ring* ring) {
+  return is_open(ring) ? places_in(ring->renderer->content()) : 0;
+}
+
+int lenticule_ring_has_depth(const lenticule_ring* ring) {
+  return is_open(ring) && ring->renderer->content().kind == RingContent::Colours ? 1 : 0;
+}
+
+double lenticule_ring_view_aspect(const lenticule_ring* ring) {
+  return is_open(ring) ? ring->renderer->content().aspect : 0.0;
+}
+
+lenticule_status lenticule_ring_view(const lenticule_ring* ring, int view, lenticule_rect* out) {
+  if (!out || view < 0 || view >= lenticule_ring_views(ring))
+    return misuse("lenticule_ring_view: out is NULL, or there is no such view");
+  const auto place = place_of_view(ring->renderer->geometry(), ring->renderer->content(), view);
+  *out = {place.left, place.top, place.width, place.height};
+  return LENTICULE_OK;
 }
 
 lenticule_status lenticule_ring_acquire(lenticule_ring* ring, uint64_t number, int timeout_ms,

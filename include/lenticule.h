@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * lenticule.h lets any program push woven frames into a running lenticule player.
+ * lenticule.h lets any program push pictures into a running lenticule player: woven frames, or
+ * views that the player weaves.
  *
  *   lenticule_hello hello = LENTICULE_HELLO_INIT;
  *   lenticule_ring* ring = NULL;
@@ -14,8 +15,10 @@
  *   lenticule_ring_finish(ring);
  *   lenticule_ring_close(ring);
  *
- * A frame is woven: it holds the exact code values of the panel's pixels, 8-bit R, G, B bytes, rows
- * packed from the top, lenticule_ring_stride() bytes apart.
+ * A frame is woven unless the hello says pushes_views: then the player decides the size of a
+ * picture and where its views lie in it; see lenticule_ring_view(). A woven frame holds the exact
+ * code values of the panel's pixels, 8-bit R, G, B bytes, rows packed from the top,
+ * lenticule_ring_stride() bytes apart.
  *
  * Functions never block longer than their timeout (milliseconds; 0 = do not wait), never throw,
  * never print and never raise SIGPIPE. A child of fork() must not use its parent's rings. Link with
@@ -71,10 +74,11 @@ typedef struct lenticule_hello {
   int64_t rate_numerator;      /* frames per second as a fraction; 0 and 0 = not stated */
   int64_t rate_denominator;
   int64_t frame_count; /* frames in the sequence; -1 = not known */
+  int pushes_views;    /* since 0.1: 1 = views, which need no rig; 0 = woven frames */
 } lenticule_hello;
 
 #define LENTICULE_HELLO_INIT \
-  { sizeof(lenticule_hello), NULL, NULL, 0, 0, -1 }
+  { sizeof(lenticule_hello), NULL, NULL, 0, 0, -1, 0 }
 
 /* One connection to one player. */
 typedef struct lenticule_ring lenticule_ring;
@@ -94,6 +98,25 @@ LENTICULE_API lenticule_pixel_format lenticule_ring_format(const lenticule_ring*
 LENTICULE_API size_t lenticule_ring_stride(const lenticule_ring* ring);
 LENTICULE_API size_t lenticule_ring_frame_bytes(const lenticule_ring* ring);
 LENTICULE_API int lenticule_ring_slots(const lenticule_ring* ring);
+
+/* A part of a picture: its left column and top row, and its size in pixels. */
+typedef struct lenticule_rect {
+  int x, y, width, height;
+} lenticule_rect;
+
+/* Return how the player wants the views in each picture, if the hello said pushes_views: their
+ * number (0 for woven frames, and if `ring` is NULL), the width of a view divided by its height as
+ * it is displayed (0: as its pixels have it), and the place of view `view`, from 0, the leftmost
+ * camera's. If lenticule_ring_has_depth() returns 1, place 0 holds the colours of the only view and
+ * place 1 its depth, white is near. lenticule_ring_view() returns LENTICULE_MISUSE for a view that
+ * is not there.
+ */
+LENTICULE_API int lenticule_ring_views(const lenticule_ring* ring);
+LENTICULE_API int lenticule_ring_has_depth(const lenticule_ring* ring);
+LENTICULE_API double lenticule_ring_view_aspect(const lenticule_ring* ring);
+LENTICULE_API LENTICULE_MUST_USE lenticule_status lenticule_ring_view(const lenticule_ring* ring,
+                                                                      int view,
+                                                                      lenticule_rect* out);
 
 /* Waits for a free slot for frame `number`, the position in the sequence, which must increase from
  * frame to frame. On LENTICULE_OK *pixels points to the slot's lenticule_ring_frame_bytes() bytes;

@@ -4,7 +4,9 @@
 
     ring_renderer.py SOCKET FRAMES FINGERPRINT    `lenticule rig show` prints the fingerprint
 
-Byte x of row y of frame n is x + 3 y + 7 n, modulo 256. Needs only Python 3.9 and, for atomic
+    ring_renderer.py SOCKET FRAMES views          for a player of views: play ring:SOCKET --grid 8x6
+
+Byte x of row y of frame n is x + 3 y + 7 n, modulo 256; of view k, 40 k more. Needs only Python 3.9 and, for atomic
 operations, the libatomic.so.1 of gcc.
 """
 
@@ -21,6 +23,7 @@ MAGIC, VERSION = 0x474E524C, 1
 HELLO, ACCEPT, REFUSE, WANTED, GOODBYE = 1, 2, 3, 4, 6
 FREE, WRITING, READY = 1, 2, 3
 HEADER = struct.Struct("=8s6I7Q")
+CONTENT = struct.Struct("=IHHHHId8H")
 ACQUIRE, RELEASE, RELAXED = 2, 3, 0  # __ATOMIC_ACQUIRE and so on
 F_GET_SEALS, F_SEAL_SHRINK = 1034, 0x0002
 
@@ -44,11 +47,11 @@ def change(address, before, after, order):
 
 
 class Ring:
-    def __init__(self, path, frames, fingerprint):
+    def __init__(self, path, frames, fingerprint, views):
         self.player = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.player.connect(path)
         body = struct.pack("=64s128sqqQII", b"ring_renderer.py", fingerprint.encode(), 60, 1,
-                           frames, 1, 0)
+                           frames, 1, views)
         self.player.send(message(HELLO, body))
         answer, fds, _, _ = socket.recv_fds(self.player, 257, 2)
         kind = struct.unpack_from("=4I", answer)[2]
@@ -68,6 +71,19 @@ class Ring:
             sys.exit("the ring has another version or pixel format")
         self.base = ctypes.addressof(ctypes.c_char.from_buffer(self.memory))
         self.order = 0
+
+    def places(self):
+        """Returns left, top, width and height of each view, from the leftmost camera's on."""
+        (kind, columns, rows, views, rightmost_first, _, _,
+         *rects) = CONTENT.unpack_from(self.memory, HEADER.size)
+        if kind == 0:
+            return [(0, 0, self.width, self.height)]
+        if kind == 2:  # colours and depth
+            return [tuple(rects[:4]), tuple(rects[4:])]
+        width, height = self.width // columns, self.height // rows
+        tiles = range(views)[::-1] if rightmost_first else range(views)
+        return [(tile % columns * width, self.height - (tile // columns + 1) * height, width, height)
+                for tile in tiles]
 
     def entry(self, slot):
         return self.table + slot * self.entry_bytes
@@ -106,15 +122,25 @@ class Ring:
         self.player.send(message(GOODBYE, struct.pack("=Q", self.order)))
 
 
+def drawn(ring, number):
+    """Returns the bytes of a frame."""
+    frame = bytearray(ring.frame_bytes)
+    for view, (left, top, width, height) in enumerate(ring.places()):
+        for y in range(height):
+            begin = (top + y) * ring.row_bytes + 3 * left
+            frame[begin:begin + 3 * width] = bytes(
+                (x + 3 * y + 40 * view + 7 * number) % 256 for x in range(3 * width))
+    return frame
+
+
 def main():
     if len(sys.argv) != 4:
-        sys.exit("usage: ring_renderer.py SOCKET FRAMES FINGERPRINT")
-    frames = int(sys.argv[2])
-    ring = Ring(sys.argv[1], frames, sys.argv[3])
+        sys.exit("usage: ring_renderer.py SOCKET FRAMES FINGERPRINT|views")
+    frames, views = int(sys.argv[2]), sys.argv[3] == "views"
+    ring = Ring(sys.argv[1], frames, "" if views else sys.argv[3], views)
     for number in range(frames):
         slot = ring.acquire()
-        ring.write(slot, bytes((x + 3 * y + 7 * number) % 256
-                               for y in range(ring.height) for x in range(ring.row_bytes)))
+        ring.write(slot, drawn(ring, number))
         ring.publish(slot, number)
     ring.finish()
 

@@ -139,6 +139,44 @@ inline constexpr int kMinSlots = 3;  ///< one displayed, one next, one being wri
 inline constexpr int kMaxSlots = 4096;
 inline constexpr int kMaxFrameSide = 32768;
 
+/// RingRect is a part of a picture, in pixels from its top left corner.
+struct RingRect {
+  uint16_t left = 0;
+  uint16_t top = 0;
+  uint16_t width = 0;
+  uint16_t height = 0;
+  friend bool operator==(const RingRect&, const RingRect&) = default;
+};
+
+/// RingContent says what the player expects in a picture. It has the form that it has in the
+/// header.
+struct RingContent {
+  enum Kind : uint32_t {
+    Woven = 0,   ///< a frame of the panel; all other members are 0
+    Quilt = 1,   ///< views of one size
+    Colours = 2  ///< one view with its depth
+  };
+  uint32_t kind = Woven;
+  uint16_t columns = 0, rows = 0, views = 0;  ///< tiles of a quilt
+  uint16_t rightmost_first = 0;               ///< 1: tile 0 is that of the rightmost camera
+  uint32_t reserved = 0;
+  double aspect = 0.0;  ///< width / height of a view as it is displayed; 0: that of its pixels
+  RingRect colours{}, depth{};
+
+  friend bool operator==(const RingContent&, const RingContent&) = default;
+};
+static_assert(sizeof(RingContent) == 40);
+
+/// Returns the place of view `view` (0: leftmost camera) in a picture; for a view with its depth,
+/// of the colours (0) or the depth (1).
+[[nodiscard]] RingRect place_of_view(const FrameGeometry& picture, const RingContent& content,
+                                     int view);
+/// Returns the number of such places; 0 for woven frames.
+[[nodiscard]] inline int places_in(const RingContent& content) {
+  return content.kind == RingContent::Quilt ? content.views
+                                            : 2 * static_cast<int>(content.kind / 2);
+}
+
 /// RingHeader is the first page of the shared memory. All fields are constant once the memory is
 /// shared, except the last two.
 struct RingHeader {
@@ -156,12 +194,14 @@ struct RingHeader {
   uint64_t slots_offset;
   uint64_t slot_stride;
   uint64_t memory_bytes;
+  RingContent content;                          ///< renderers of earlier versions do not read it
   alignas(64) std::atomic<uint32_t> epoch;      ///< number of the connection, counted by the player
   alignas(64) std::atomic<uint32_t> heartbeat;  ///< counter that a live renderer increments
 };
 
 static_assert(sizeof(RingHeader) <= kHeaderBytes);
 static_assert(offsetof(RingHeader, row_bytes) == 32 && offsetof(RingHeader, memory_bytes) == 80);
+static_assert(offsetof(RingHeader, content) == 88);
 static_assert(offsetof(RingHeader, epoch) == 128 && offsetof(RingHeader, heartbeat) == 192);
 
 /// RingLayout holds the header's values in plain numbers, as each side's private copy.
@@ -172,6 +212,7 @@ struct RingLayout {
   size_t slots_offset = 0;
   size_t slot_stride = 0;
   size_t memory_bytes = 0;
+  RingContent content{};
 
   [[nodiscard]] size_t slot_offset(int slot) const {
     return slots_offset + static_cast<size_t>(slot) * slot_stride;

@@ -46,6 +46,9 @@ struct RingOptions {
   /// fingerprint, and the calibration that the rig is a trim of; empty = any rig. Frames for
   /// another trim of the same calibration are accepted too.
   std::string rig_fingerprint;
+  /// Asks for this in each picture; Woven refuses renderers of views, all others refuse renderers
+  /// of woven frames.
+  RingContent content = {};
   /// Called with one sentence when a renderer with another trim is accepted, on the thread of
   /// pull().
   std::function<void(const std::string&)> on_other_trim = nullptr;
@@ -263,7 +266,9 @@ class RingPlayer final : public FrameSource {
       throw Error(ErrorKind::Usage, std::string("ring: ") + problem);
     if (options.geometry.format != PixelFormat::Rgb8)
       throw Error(ErrorKind::Usage, "ring: only 8-bit RGB frames can be played so far");
-    return plan_layout(options.geometry, options.slots);
+    RingLayout layout = plan_layout(options.geometry, options.slots);
+    layout.content = options.content;
+    return layout;
   }
   /// Connection is the connection to the renderer.
   struct Connection {
@@ -362,6 +367,11 @@ class RingPlayer final : public FrameSource {
     }
     if (const char* problem = read_hello(packet.bytes(), hello))
       return Refusal{RefuseReason::BadHello, std::string("bad hello: ") + problem};
+    if (hello.views != (options_.content.kind != RingContent::Woven))
+      return Refusal{RefuseReason::BadHello,
+                     fmt::format("the player takes {} of {}x{} pixels, the renderer pushes {}",
+                                 hello.views ? "woven frames" : "views", options_.geometry.width,
+                                 options_.geometry.height, hello.views ? "views" : "woven frames")};
     if (!is_rig_accepted(hello))
       return Refusal{
           RefuseReason::OtherRig,

@@ -29,6 +29,7 @@ struct RendererHello {
   std::string rig_fingerprint;     ///< empty = not stated, which a player with a rig refuses
   std::optional<Rate> rate;        ///< content rate
   std::optional<uint64_t> frame_count;
+  bool views = false;  ///< pushes views or a view with its depth, as RingContent asks for
 };
 
 inline constexpr uint32_t kMessageMagic = 0x474e524cu;  // "LRNG" on a little-endian machine
@@ -66,7 +67,7 @@ struct HelloMessage {
   int64_t rate_denominator = 0;
   uint64_t frame_count = 0;
   uint32_t has_frame_count = 0;  ///< 0 or 1
-  uint32_t reserved = 0;
+  uint32_t views = 0;            ///< 0 or 1; players of earlier versions refuse 1
 };
 
 struct AcceptMessage {
@@ -146,6 +147,7 @@ inline bool is_sensible_rate(int64_t numerator, int64_t denominator) {
   }
   message.has_frame_count = hello.frame_count.has_value() ? 1 : 0;
   message.frame_count = hello.frame_count.value_or(0);
+  message.views = hello.views ? 1 : 0;
   return message;
 }
 
@@ -211,10 +213,13 @@ const char* read_message(std::span<const uint8_t> bytes, MessageKind kind, Messa
   const auto fingerprint = read_field(message.rig_fingerprint);
   if (!name) return "the name is not plain text";
   if (!fingerprint) return "the rig's fingerprint is not plain text";
-  if (message.has_frame_count > 1 || message.reserved != 0) return "a reserved field is in use";
+  if (message.has_frame_count > 1 || message.views > 1) return "a reserved field is in use";
 
-  RendererHello checked = {
-      .name = *name, .rig_fingerprint = *fingerprint, .rate = {}, .frame_count = {}};
+  RendererHello checked = {.name = *name,
+                           .rig_fingerprint = *fingerprint,
+                           .rate = {},
+                           .frame_count = {},
+                           .views = message.views == 1};
   if (message.rate_numerator != 0 || message.rate_denominator != 0) {
     if (!is_sensible_rate(message.rate_numerator, message.rate_denominator))
       return "the frame rate is out of range";

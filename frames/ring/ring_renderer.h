@@ -210,6 +210,8 @@ class RingRenderer {
   /// Returns the geometry that the player requires.
   [[nodiscard]] FrameGeometry geometry() const { return layout_.geometry; }
   [[nodiscard]] int slots() const { return layout_.slots; }
+  /// Returns what the player expects in each picture.
+  [[nodiscard]] const RingContent& content() const { return layout_.content; }
 
   /// Acquires a free slot for frame `number`; its bytes are undefined. At most one slot at a time.
   [[nodiscard]] RingStatus acquire(uint64_t number, std::chrono::milliseconds timeout,

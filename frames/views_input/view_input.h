@@ -222,6 +222,10 @@ class ViewInput {
     }
     return true;
   }
+  /// Goes on after End with what another renderer sends.
+  void go_on() {
+    for (Stream& stream : streams_) stream.ended = false;
+  }
   /// Waits until next() may have more, but at most `longest`.
   void wait(std::chrono::milliseconds longest) {
     std::vector<pollfd> wakes;

@@ -316,6 +316,7 @@ Content content_of(const SourceSpec& source, const std::string& rig_fingerprint,
   }
   if (!source.takes_layout()) return {};
   if (!source.content.from_rig.empty()) return other_rig(source.content);
+  if (source.kind == SourceKind::Ring) return live(source, 1);
   if (source.kind == SourceKind::Live)
     return live(source, static_cast<int>(parse_capture(source.text).devices.size()));
   if (source.kind == SourceKind::Sequence) return container(source, rig_fingerprint);

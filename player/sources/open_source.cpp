@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/numbers.h"
 #include "base/print.h"
 #include "frames/qr/qr_code.h"
 #include "frames/ring/ring_player.h"
@@ -22,6 +23,8 @@ namespace {
 
 /// Bounds the memory when many renderers connect with different trims.
 constexpr size_t kMostWarnings = 100;
+/// Pictures with views that are kept before they are woven: the slots of a renderer's ring.
+constexpr int kPicturesAhead = 4;
 
 optics::RigIdentity present_rig(const OpenContext& context) {
   return context.rig ? context.rig->identity() : context.identity;
@@ -54,34 +57,6 @@ OpenedSource open_still(const SourceSpec& source, const OpenContext& context, co
 }
 
 // --- frames that were woven elsewhere -------------------------------------------------------
-
-OpenedSource open_ring(const SourceSpec& source, const OpenContext& context) {
-  const std::string socket = source.without_prefix();
-  if (socket.empty())
-    throw Error(ErrorKind::Usage, "source 'ring:': no socket",
-                "for example ring:/run/user/1000/panel");
-  if (context.frames)
-    throw Error(ErrorKind::Usage,
-                "--frames: not allowed for a ring, which plays what its renderer sends",
-                "use --frames with lenticule render");
-  std::unique_ptr<frames::RingPlayer> ring =
-      frames::RingPlayer::open({.socket = socket,
-                                .geometry = context.panel,
-                                .slots = context.slots,
-                                .rig_fingerprint = optics::to_text(present_rig(context)),
-                                .on_other_trim =
-                                    [warnings = context.warnings](const std::string& difference) {
-                                      if (warnings) warnings->add(difference);
-                                    },
-                                .keep_for_loop = context.plays_again});
-  OpenedSource opened;
-  opened.loop_obstacle = [player = ring.get()] { return player->statistics().loop_obstacle; };
-  opened.source = std::move(ring);
-  opened.woven_elsewhere = true;
-  opened.stall_hint =
-      fmt::format("start a renderer: lenticule render SCENE --rig RIG -o ring:{}", socket);
-  return opened;
-}
 
 void refuse_other_kinds(const SourceSpec& source) {
   const std::string& text = source.text;
@@ -155,8 +130,7 @@ OpenedSource open_woven(const SourceSpec& source, const OpenContext& context) {
 /// Opens views, which are woven here. Quilts are large: only a few are kept ahead, beside the
 /// requested number of woven frames.
 OpenedSource open_and_weave(const Content& content, const OpenContext& context,
-                            OpenedCapture live = {}) {
-  constexpr int kPicturesAhead = 4;
+                            OpenedCapture live = {}, bool from_renderer = false) {
   LENTICULE_CHECK(context.rig != nullptr);
   PictureOptions options = picture_options(context);
   options.pool_frames = kPicturesAhead;
@@ -173,7 +147,97 @@ OpenedSource open_and_weave(const Content& content, const OpenContext& context,
                                                          .threads = decoding_threads(),
                                                          .pool_frames = std::max(context.slots, 3),
                                                          .plays_again = context.plays_again,
-                                                         .live = live.statistics});
+                                                         .live = live.statistics,
+                                                         .from_renderer = from_renderer});
+  return opened;
+}
+
+// --- frames and views of a renderer -----------------------------------------------------------
+
+/// Returns the size of a renderer's pictures: that of the panel, unless "?size=" states another
+/// one.
+frames::FrameGeometry size_of_ring(const SourceSpec& source, const OpenContext& context) {
+  constexpr std::string_view kSize = "?size=";
+  const size_t option = source.text.find('?');
+  if (option == std::string::npos) return context.panel;
+  const std::string_view text = std::string_view(source.text).substr(option);
+  const auto size =
+      text.starts_with(kSize) ? numbers_from<int, 2>(text.substr(kSize.size()), 'x') : std::nullopt;
+  if (!size || frames::geometry_problem({.width = (*size)[0], .height = (*size)[1]},
+                                        frames::kMinSlots) != nullptr)
+    throw Error(ErrorKind::Usage, fmt::format("source '{}': not a size of views", source.text),
+                "for example 'ring:/run/user/1000/panel?size=3360x3360' --grid 8x6");
+  return {.width = (*size)[0], .height = (*size)[1]};
+}
+
+frames::RingContent ring_content(const Content& content, const frames::FrameGeometry& size) {
+  using frames::RingContent;
+  const std::string& name = content.source.text;
+  const auto rect = [](const frames::DepthWindows::Window& window) {
+    return frames::RingRect{.left = static_cast<uint16_t>(window.left),
+                            .top = static_cast<uint16_t>(window.top),
+                            .width = static_cast<uint16_t>(window.size.width),
+                            .height = static_cast<uint16_t>(window.size.height)};
+  };
+  if (content.kind == Content::Kind::DepthInside) {
+    const auto windows = frames::depth_windows(size, content.depth, name);
+    return {.kind = RingContent::Colours,
+            .aspect = content.aspect.value_or(0.0),
+            .colours = rect(windows.colour),
+            .depth = rect(windows.depth)};
+  }
+  frames::StereoTiles tiles{.layout = content.layout};
+  if (content.kind == Content::Kind::Stereo) tiles = frames::tiles_of(content.stereo, size);
+  (void)frames::tile_size(size, tiles.layout, name);
+  return {.kind = RingContent::Quilt,
+          .columns = static_cast<uint16_t>(tiles.layout.columns),
+          .rows = static_cast<uint16_t>(tiles.layout.rows),
+          .views = static_cast<uint16_t>(tiles.layout.view_count()),
+          .rightmost_first =
+              static_cast<uint16_t>(tiles.rightmost_first != content.rightmost_first ? 1 : 0),
+          .aspect = content.aspect ? *content.aspect : tiles.layout.aspect.value_or(0.0)};
+}
+
+OpenedSource open_ring(const SourceSpec& source, const OpenContext& context) {
+  const std::string socket = source.without_prefix();
+  if (socket.empty())
+    throw Error(ErrorKind::Usage, "source 'ring:': no socket",
+                "for example ring:/run/user/1000/panel");
+  if (context.frames)
+    throw Error(ErrorKind::Usage,
+                "--frames: not allowed for a ring, which plays what its renderer sends",
+                "use --frames with lenticule render");
+  frames::RingOptions options{.socket = socket,
+                              .geometry = context.panel,
+                              .slots = context.slots,
+                              .rig_fingerprint = optics::to_text(present_rig(context)),
+                              .on_other_trim =
+                                  [warnings = context.warnings](const std::string& difference) {
+                                    if (warnings) warnings->add(difference);
+                                  },
+                              .keep_for_loop = context.plays_again};
+  const Content content = identify(source, {});
+  if (content.kind == Content::Kind::Woven) {
+    if (size_of_ring(source, context) != context.panel)
+      throw Error(ErrorKind::Usage, source.text + ": woven frames have the size of the panel",
+                  "leave ?size= out, or state the layout of views: --grid 8x6");
+    auto ring = frames::RingPlayer::open(options);
+    OpenedSource opened;
+    opened.loop_obstacle = [player = ring.get()] { return player->statistics().loop_obstacle; };
+    opened.source = std::move(ring);
+    opened.woven_elsewhere = true;
+    opened.stall_hint =
+        fmt::format("start a renderer: lenticule render SCENE --rig RIG -o ring:{}", socket);
+    return opened;
+  }
+  options.geometry = size_of_ring(source, context);
+  options.slots = kPicturesAhead;
+  options.rig_fingerprint.clear();
+  options.content = ring_content(content, options.geometry);
+  options.keep_for_loop = false;
+  OpenedSource opened =
+      open_and_weave(content, context, {.pictures = frames::RingPlayer::open(options)}, true);
+  opened.stall_hint = "start a renderer of views: docs/content/ring.md";
   return opened;
 }
 

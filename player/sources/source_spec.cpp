@@ -132,7 +132,8 @@ bool SourceSpec::may_be_still() const {
 }
 
 std::string SourceSpec::without_prefix() const {
-  if (kind == SourceKind::Ring) return text.substr(kRingPrefix.size());
+  if (kind == SourceKind::Ring)
+    return text.substr(kRingPrefix.size(), text.find('?') - kRingPrefix.size());
   if (kind == SourceKind::ViewFiles) return text.substr(kViewFilesPrefix.size());
   return text;
 }

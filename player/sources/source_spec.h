@@ -20,7 +20,7 @@ enum class SourceKind {
   Black,      ///< "black": a black frame
   RigViews,   ///< "views": the rig's views, each showing its number
   Code,       ///< "code:TEXT": the QR code of a text
-  Ring,       ///< "ring:SOCKET": frames of another process
+  Ring,       ///< "ring:SOCKET": frames of another process; "?size=WxH": size of its views
   Live,       ///< "v4l2:DEVICE", "v4l2:DEVICE,DEVICE": cameras and grabbers
   ViewFiles,  ///< "views:PATTERN", "views:A|B": a picture or a film per view
   List,       ///< "NAME.toml", ".m3u", ".json": a playlist; "FOLDER/", "FOLDER": its files
@@ -76,10 +76,12 @@ struct SourceSpec {
   /// Returns true for a source whose pictures are in files.
   [[nodiscard]] bool has_pictures() const;
   /// Returns true for a source whose layout of views flags can state.
-  [[nodiscard]] bool takes_layout() const { return has_pictures() || kind == SourceKind::Live; }
+  [[nodiscard]] bool takes_layout() const {
+    return has_pictures() || kind == SourceKind::Live || kind == SourceKind::Ring;
+  }
   /// Returns true for animations, of which only the end tells whether they have several frames.
   [[nodiscard]] bool may_be_still() const;
-  /// Returns the text after "ring:" or "views:", otherwise the whole text.
+  /// Returns the text after "ring:" and before "?", or after "views:", otherwise the whole text.
   [[nodiscard]] std::string without_prefix() const;
   /// Returns the files and patterns that the text names: several for "views:A|B", none for a source
   /// that is not in files.

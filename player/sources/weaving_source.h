@@ -97,6 +97,8 @@ struct WeavingSourceOptions {
   /// Statistics of pictures that come in live, whose newest frame replaces older ones; null for
   /// other inputs.
   std::shared_ptr<CaptureStatistics> live = nullptr;
+  /// The views are those of a renderer, which may be replaced by another one.
+  bool from_renderer = false;
 };
 
 /// WeavingSource weaves views from any input during playback. When the rig file or its trim
@@ -209,7 +211,9 @@ class WeavingSource final : public frames::FrameSource {
     const std::lock_guard lock(mutex_);
     return failure_;
   }
-  [[nodiscard]] bool waits_for_others() const override { return options_.live != nullptr; }
+  [[nodiscard]] bool waits_for_others() const override {
+    return options_.live != nullptr || options_.from_renderer;
+  }
   [[nodiscard]] frames::FrameDamage damage() const override { return input_->damage(); }
   [[nodiscard]] std::string video_decoder() const override { return input_->video_decoder(); }
 
@@ -286,6 +290,8 @@ class WeavingSource final : public frames::FrameSource {
       try {
         const bool done = still_ ? weave_still(used) : weave_next();
         if (!done) wait_a_moment();
+        if (!done && options_.from_renderer)
+          input_->wait(std::chrono::milliseconds(0));  // serves it
       } catch (const std::exception& error) {
         fail(error.what());
       }
@@ -335,8 +341,12 @@ class WeavingSource final : public frames::FrameSource {
     }
     give_back(*slot);
     if (status == PullStatus::Failed) fail(input_->failure());
-    if (status == PullStatus::End) finish_round();
-    if (status == PullStatus::NotYet) input_->wait(kLook);
+    // The next renderer of a ring continues.
+    const bool goes_on =
+        status == PullStatus::End && options_.from_renderer && options_.plays_again;
+    if (goes_on) input_->go_on();
+    if (status == PullStatus::End && !goes_on) finish_round();
+    if (status == PullStatus::NotYet || goes_on) input_->wait(kLook);
     return true;
   }
   /// Weaves the views. A repeated frame is copied if the rig is the same.

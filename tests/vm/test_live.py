@@ -95,7 +95,7 @@ def a_lost_signal_is_named_and_its_return_noticed(vm):
     set_control(vm, camera, "DV Timings Signal Mode", lost)
     wait_until(lambda: "signal" in ctl(vm, "status")["last_problem"], player)
     started = stats(vm)["playlist"]["items_started"]
-    set_control(vm, camera, "DV Timings", 1)
+    set_control(vm, camera, "DV Timings", 2)  # 720x480, progressive
     set_control(vm, camera, "DV Timings Signal Mode", selected)
     wait_until(lambda: stats(vm)["playlist"]["items_started"] > started
                and ": 720x480" in stats(vm)["live"]["device"], player)

@@ -5,6 +5,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
+#include <cstddef>
 #include <future>
 #include <string>
 #include <thread>
@@ -64,6 +66,62 @@ TEST_F(CApi, PushesFrames) {
   AcquiredFrame frame;
   player_->service();
   EXPECT_EQ(player_->pull(frame), PullStatus::End);
+}
+
+TEST_F(CApi, TellsWhereTheViewsLie) {
+  player_.reset();
+  options_.content = {
+      .kind = RingContent::Quilt, .columns = 3, .rows = 2, .views = 5, .aspect = 1.5};
+  player_ = RingPlayer::open(options_);
+  lenticule_hello hello = LENTICULE_HELLO_INIT;
+  EXPECT_EQ(connect(&hello), LENTICULE_REFUSED);
+  EXPECT_NE(error_.find("the player takes views of 160x120 pixels"), std::string::npos) << error_;
+  hello.struct_size = offsetof(lenticule_hello, pushes_views);  // a program of an earlier version
+  hello.pushes_views = 1;
+  EXPECT_EQ(connect(&hello), LENTICULE_REFUSED) << "a member that it does not have is not read";
+  hello.struct_size = sizeof hello;
+  ASSERT_EQ(connect(&hello), LENTICULE_OK) << error_;
+  EXPECT_EQ(lenticule_ring_views(ring_), 5);
+  EXPECT_EQ(lenticule_ring_has_depth(ring_), 0);
+  EXPECT_EQ(lenticule_ring_view_aspect(ring_), 1.5);
+  const auto place = [&](int view) {
+    lenticule_rect rect{};
+    EXPECT_EQ(lenticule_ring_view(ring_, view, &rect), LENTICULE_OK);
+    return std::array{rect.x, rect.y, rect.width, rect.height};
+  };
+  EXPECT_EQ(place(0), (std::array{0, 60, 53, 60})) << "the bottom left";
+  EXPECT_EQ(place(2), (std::array{106, 60, 53, 60}));
+  EXPECT_EQ(place(4), (std::array{53, 0, 53, 60}));
+  lenticule_rect rect;
+  EXPECT_EQ(lenticule_ring_view(ring_, 5, &rect), LENTICULE_MISUSE);
+  EXPECT_EQ(lenticule_ring_view(ring_, -1, &rect), LENTICULE_MISUSE);
+  EXPECT_EQ(lenticule_ring_view(ring_, 0, nullptr), LENTICULE_MISUSE);
+  EXPECT_EQ(lenticule_ring_view(nullptr, 0, &rect), LENTICULE_MISUSE);
+  EXPECT_EQ(lenticule_ring_views(nullptr), 0);
+}
+
+TEST_F(CApi, TellsWhereColoursAndDepthLie) {
+  player_.reset();
+  options_.content = {.kind = RingContent::Colours,
+                      .colours = {.width = 80, .height = 120},
+                      .depth = {.left = 80, .width = 80, .height = 120}};
+  player_ = RingPlayer::open(options_);
+  lenticule_hello hello = LENTICULE_HELLO_INIT;
+  hello.pushes_views = 1;
+  ASSERT_EQ(connect(&hello), LENTICULE_OK) << error_;
+  EXPECT_EQ(lenticule_ring_has_depth(ring_), 1);
+  EXPECT_EQ(lenticule_ring_views(ring_), 2);
+  lenticule_rect depth{};
+  ASSERT_EQ(lenticule_ring_view(ring_, 1, &depth), LENTICULE_OK);
+  EXPECT_EQ(depth.x, 80);
+  EXPECT_EQ(depth.width, 80);
+}
+
+TEST_F(CApi, APlayerOfWovenFramesRefusesViews) {
+  lenticule_hello hello = LENTICULE_HELLO_INIT;
+  hello.pushes_views = 1;
+  EXPECT_EQ(connect(&hello), LENTICULE_REFUSED);
+  EXPECT_NE(error_.find("takes woven frames of 160x120"), std::string::npos) << error_;
 }
 
 TEST_F(CApi, PassesTheHelloToThePlayer) {

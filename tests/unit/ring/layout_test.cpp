@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
 
 #include "frames/ring/ring_layout.h"
@@ -38,10 +39,36 @@ TEST(RingLayout, SurvivesARoundTrip) {
   EXPECT_EQ(read, layout);
 }
 
+TEST(RingLayout, TheContentSurvivesARoundTripAndIsChecked) {
+  RingLayout layout = plan_layout(kSmall, 8), read;
+  const auto problem = [&](const RingContent& content) {
+    layout.content = content;
+    const char* text = read_header(*header_of(layout), layout.memory_bytes, read);
+    return std::string(text ? text : "none");
+  };
+  const RingContent quilt{
+      .kind = RingContent::Quilt, .columns = 4, .rows = 3, .views = 11, .aspect = 0.75};
+  EXPECT_EQ(problem(quilt), "none");
+  EXPECT_EQ(read.content, quilt);
+  const auto with = [&](auto change) {
+    RingContent content = quilt;
+    change(content);
+    return problem(content);
+  };
+  EXPECT_EQ(with([](auto& c) { c.views = 13; }), "tiles do not fit the picture");
+  EXPECT_EQ(with([](auto& c) { c.columns = 0; }), "tiles do not fit the picture");
+  EXPECT_EQ(with([](auto& c) { c.rows = 65535; }), "tiles do not fit the picture");
+  EXPECT_EQ(with([](auto& c) { c.aspect = -1.0; }), "aspect out of range");
+  EXPECT_EQ(with([](auto& c) { c.aspect = std::nan(""); }), "aspect out of range");
+  EXPECT_EQ(with([](auto& c) { c.kind = 3; }), "unknown content");
+  EXPECT_EQ(with([](auto& c) { c.kind = RingContent::Colours; }),
+            "colours or depth lie outside of the picture");
+}
+
 TEST(RingLayout, RejectsAHeaderWithAnyByteChanged) {
   const RingLayout layout = plan_layout(kSmall, 8);
   const auto good = header_of(layout);
-  const size_t constant_bytes = offsetof(RingHeader, memory_bytes) + sizeof(uint64_t);
+  const size_t constant_bytes = offsetof(RingHeader, epoch);
   for (size_t at = 0; at < constant_bytes; ++at)
     for (const int change : {1, 0x80, 0xff}) {
       const auto bad = header_of(layout);

@@ -56,7 +56,7 @@ TEST(RingProtocol, ChecksEveryFieldOfHello) {
   EXPECT_EQ(with([](auto& m) { std::memset(m.rig_fingerprint, 'a', sizeof m.rig_fingerprint); }),
             "the rig's fingerprint is not plain text");
   EXPECT_EQ(with([](auto& m) { m.has_frame_count = 2; }), "a reserved field is in use");
-  EXPECT_EQ(with([](auto& m) { m.reserved = 1; }), "a reserved field is in use");
+  EXPECT_EQ(with([](auto& m) { m.views = 2; }), "a reserved field is in use");
   const std::pair<int64_t, int64_t> senseless[] = {
       {0, 1}, {1, 0}, {-60, -1}, {10001, 1}, {1, 3601}, {INT64_MAX, INT64_MAX}, {INT64_MIN, 1}};
   for (const auto& rate : senseless)
