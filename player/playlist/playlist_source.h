@@ -192,7 +192,7 @@ class PlaylistSource final : public frames::FrameSource {
         want_next_in_time();
         return PullStatus::Ready;
       case PullStatus::NotYet:
-        idle_ = item.waits_for_renderer || item.opened.live;
+        idle_ = item.waits_for_renderer || item.opened.live || item.opened.source->nothing_due();
         want_next_in_time();
         if (item.pulled_this_round == 0 && loader_.is_outdated()) {
           leave_current();

@@ -211,6 +211,7 @@ class WeavingSource final : public frames::FrameSource {
     const std::lock_guard lock(mutex_);
     return failure_;
   }
+  [[nodiscard]] bool nothing_due() const override { return between_renderers_.load(); }
   [[nodiscard]] bool waits_for_others() const override {
     return options_.live != nullptr || options_.from_renderer;
   }
@@ -344,7 +345,10 @@ class WeavingSource final : public frames::FrameSource {
     // The next renderer of a ring continues.
     const bool goes_on =
         status == PullStatus::End && options_.from_renderer && options_.plays_again;
-    if (goes_on) input_->go_on();
+    if (goes_on) {
+      between_renderers_.store(true);
+      input_->go_on();
+    }
     if (status == PullStatus::End && !goes_on) finish_round();
     if (status == PullStatus::NotYet || goes_on) input_->wait(kLook);
     return true;
@@ -402,6 +406,7 @@ class WeavingSource final : public frames::FrameSource {
     slot.state = SlotState::Ready;
   }
   void publish(Slot& slot) {
+    between_renderers_.store(false);
     {
       const std::lock_guard lock(mutex_);
       if (options_.live) supersede();
@@ -441,6 +446,7 @@ class WeavingSource final : public frames::FrameSource {
   uint64_t rig_version_ = 0;  ///< rig version of the newest plan; used by the watcher thread
   WakeFd wake_;
   std::atomic<uint64_t> plans_{0};
+  std::atomic<bool> between_renderers_{false};  ///< the last one said goodbye
   bool at_end_ = false;  ///< the input is at its end and not rewound; used by the worker thread
   const Slot* woven_last_ = nullptr;  ///< slot filled last; used by the worker thread
   std::shared_ptr<const WeavingPipeline> woven_by_;  ///< used by the worker thread
