@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
@@ -79,6 +80,8 @@ HandResult HandTrial::calibrate(int photographs) const {
   HandResult out;
   out.photographs = photographs;
   out.reasons = found.reasons;
+  // Why photographs were not used.
+  out.reasons.insert(out.reasons.end(), found.warnings.begin(), found.warnings.end());
   out.fit_seconds = found.seconds_computing;
   out.fitted = single ? !refused : !found.viewpoints.empty() && !optics::find_problem(found.rig);
   if (!out.fitted) return out;
@@ -147,6 +150,47 @@ void mirror(Photo& photo, bool rows_too) {
   for (int y = 0; y < photo.height / 2; ++y)
     std::swap_ranges(photo.codes.begin() + y * row, photo.codes.begin() + (y + 1) * row,
                      photo.codes.begin() + (photo.height - 1 - y) * row);
+}
+
+/// Spreads light along the rows, as a portrait mode does with what it takes for the background.
+void spread(Photo& photo, double from, double to, int reach) {
+  const int first = static_cast<int>(from * photo.width), last = static_cast<int>(to * photo.width);
+  std::vector<uint8_t> sharp;
+  for (int y = 0; y < photo.height; ++y) {
+    const auto row = photo.codes.begin() + 3 * static_cast<ptrdiff_t>(y) * photo.width;
+    sharp.assign(row, row + 3 * static_cast<ptrdiff_t>(photo.width));
+    for (int x = first; x < last; ++x)
+      for (int c = 0; c < 3; ++c) {
+        int sum = 0;
+        for (int k = -reach; k <= reach; ++k)
+          sum += sharp[3 * static_cast<size_t>(std::clamp(x + k, 0, photo.width - 1)) +
+                       static_cast<size_t>(c)];
+        row[3 * static_cast<ptrdiff_t>(x) + c] = static_cast<uint8_t>(sum / (2 * reach + 1));
+      }
+  }
+}
+
+/// Darkens every other band of rows: an exposure that is not a multiple of the backlight's period.
+void add_bands(Photo& photo, int bands, double darkest) {
+  for (int y = 0; y < photo.height; ++y) {
+    const double wave = 0.5 + 0.5 * std::cos(2.0 * std::numbers::pi * bands * y / photo.height);
+    const auto row = photo.codes.begin() + 3 * static_cast<ptrdiff_t>(y) * photo.width;
+    for (ptrdiff_t k = 0; k < 3 * static_cast<ptrdiff_t>(photo.width); ++k)
+      row[k] = frames::code_from_linear(std::lerp(darkest, 1.0, wave) *
+                                        frames::linear_of_codes()[row[k]]);
+  }
+}
+
+/// Adds the light of a lamp that the sheet reflects, a disc with a soft border.
+void add_lamp(Photo& photo, double x, double y, double radius) {
+  for (int j = 0; j < photo.height; ++j)
+    for (int i = 0; i < photo.width; ++i) {
+      const double off = std::hypot(i - x * photo.width, j - y * photo.height) / photo.width;
+      const int more = static_cast<int>(255.0 * std::clamp(2.0 - off / radius, 0.0, 1.0));
+      if (more == 0) continue;
+      uint8_t* code = photo.codes.data() + 3 * (static_cast<ptrdiff_t>(j) * photo.width + i);
+      for (int c = 0; c < 3; ++c) code[c] = static_cast<uint8_t>(std::min(code[c] + more, 255));
+    }
 }
 
 /// Returns a chart that a program has scaled around its centre: codes between pixels are
@@ -218,6 +262,12 @@ std::vector<WrongWay> list_of_ways() {
   });
   taken("merged exposures (HDR)", "HDR|processed",
         [](Taking& t, const Workshop&) { t.shot.hdr = true; });
+  edited("portrait mode: the left half blurred", "blurred|out of focus|processed|too faint",
+         [](Photo& p) { spread(p, 0.0, 0.5, p.width / 250); });
+  edited("bands of a dimmed backlight", "dimmed|bands|processed|HDR",
+         [](Photo& p) { add_bands(p, 9, 0.3); });
+  edited("lamp reflected in the panel", "clipped|darken the room|processed",
+         [](Photo& p) { add_lamp(p, 0.35, 0.45, 0.05); });
   taken("out of focus", "out of focus|blurred|too faint",
         [](Taking& t, const Workshop&) { t.phone.blur_px = 20.0; });
   taken("hand that turns by 8 degrees a second", "hand moved", [](Taking& t, const Workshop&) {
@@ -310,6 +360,48 @@ std::filesystem::path WrongWayTrial::photograph_of(size_t number, const optics::
 
 namespace {
 
+/// Returns what a refusal blames: of the kinds that it names, the one that it names first.
+std::string blamed_by(const std::string& reason) {
+  struct Kind {
+    const char *text, *words;
+  };
+  static constexpr Kind kKinds[] = {{"hold the phone still", "hand"},
+                                    {"perhaps the hand moved", "perhaps the hand"},
+                                    {"axis", "axis or crop"},
+                                    {"it was cropped", "axis or crop"},
+                                    {"focal length differs", "focal length"},
+                                    {"focal length contradict", "focal length"},
+                                    {"the sheet moved on the panel by", "sheet"},
+                                    {"pixels (rms) off", "tags off"},
+                                    {"tags deviate", "tags off"},
+                                    {"tags fit no place", "tags off"},
+                                    {"what the other photographs predict", "fringes off"},
+                                    {"out of focus (contrast", "out of focus"},
+                                    {"tags were found", "tags not found"},
+                                    {"mirrored: switch", "mirrored"},
+                                    {"another rig", "another rig"},
+                                    {"another size", "another size"},
+                                    {"scaled before", "scaled"},
+                                    {"clipped", "clipped"},
+                                    {"too dark", "too dark"},
+                                    {"too faint", "too faint"},
+                                    {"no fringes were found", "no fringes"},
+                                    {"fit no even sheet", "no even sheet"},
+                                    {"fringes are in the picture", "cut"},
+                                    {"of the chart; take", "cut"},
+                                    {"too far away", "too far away"},
+                                    {"subpixels are not", "layout"},
+                                    {"certain only", "not certain enough"}};
+  size_t first = std::string::npos;
+  std::string out = reason.empty() ? "" : "something else";
+  for (const Kind& kind : kKinds)
+    if (const size_t at = reason.find(kind.text); at < first) {
+      first = at;
+      out = kind.words;
+    }
+  return out;
+}
+
 bool has_one_of(const std::string& text, const std::string& causes) {
   for (size_t begin = 0; begin < causes.size();) {
     const size_t end = std::min(causes.find('|', begin), causes.size());
@@ -356,6 +448,7 @@ WrongWayResult WrongWayTrial::calibrate(const WrongWay& way) {
   if (out.outcome == HandOutcome::Right && taken.panel.layout != start.panel.layout)
     out.outcome = HandOutcome::Wrong;
   out.cause_named = has_one_of(out.reason, way.causes);
+  out.blamed = blamed_by(out.reason);
   return out;
 }
 }  // namespace lenticule::lab

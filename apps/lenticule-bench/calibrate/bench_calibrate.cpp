@@ -16,6 +16,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 
@@ -61,7 +62,8 @@ struct CalibrateFlags {
   std::string only;  ///< the name of one case; empty = all
 
   bool hand = false;
-  std::vector<int> photographs = {2, 3, 4, 6};
+  std::vector<int> photographs = {1, 2, 3, 4, 6};
+  std::optional<double> pitch_subpx;
   std::optional<double> warp_percent;
   std::string plot;
   bool wrong_ways = false;
@@ -400,7 +402,7 @@ void print_result(const json& row) {
 
 /// Returns the summary of all results with one number of photographs.
 json summary_of(const json& rows, int photographs) {
-  std::vector<double> errors, stated, accepted;
+  std::vector<double> errors, stated, ratios, accepted;
   int setups = 0, covered = 0, right = 0, wrong = 0;
   for (const json& row : rows) {
     if (row["photographs"] != photographs) continue;
@@ -410,6 +412,7 @@ json summary_of(const json& rows, int photographs) {
     if (!row["fitted"]) continue;
     errors.push_back(row["error_lenses"]);
     stated.push_back(row["stated_lenses"]);
+    ratios.push_back(stated.back() / errors.back());
     covered += errors.back() <= stated.back() ? 1 : 0;
     if (row["outcome"] != to_string(HandOutcome::Refused)) accepted.push_back(errors.back());
   }
@@ -423,20 +426,24 @@ json summary_of(const json& rows, int photographs) {
           {"error_median", quantile(errors, 0.5)},
           {"error_95", quantile(errors, 0.95)},
           {"accepted_error_largest", quantile(accepted, 1.0)},
-          {"stated_median", quantile(stated, 0.5)}};
+          {"stated_median", quantile(stated, 0.5)},
+          {"stated_per_error_median", quantile(ratios, 0.5)}};
 }
 
 void print_hand_summary(const json& summary) {
-  print_out("\n{:>11} {:>6} {:>6} {:>8} {:>6} | {:>7} {:>7} {:>7} {:>9} | {:>9}\n", "photographs",
-            "setups", "right", "refused", "wrong", "median", "95 %", "stated", "accepted",
-            "covered");
-  for (const json& s : summary)
+  print_out("\n{:>11} {:>6} {:>6} {:>8} {:>6} | {:>7} {:>7} {:>9} | {:>7} {:>7} {:>9}\n",
+            "photographs", "setups", "right", "refused", "wrong", "median", "95 %", "accepted",
+            "stated", "ratio", "covered");
+  for (const json& s : summary) {
+    const auto number = [&](const char* key) { return s[key].get<double>(); };
     print_out(
-        "{:>11} {:>6} {:>6} {:>8} {:>6} | {:>7.4f} {:>7.4f} {:>7.4f} {:>9.4f} | {:>4}/{:>4}\n",
+        "{:>11} {:>6} {:>6} {:>8} {:>6} | {:>7.4f} {:>7.4f} {:>9.4f} | {:>7.4f} {:>7.2f} "
+        "{:>4}/{:>4}\n",
         s["photographs"].get<int>(), s["setups"].get<int>(), s["right"].get<int>(),
-        s["refused"].get<int>(), s["wrong"].get<int>(), s["error_median"].get<double>(),
-        s["error_95"].get<double>(), s["stated_median"].get<double>(),
-        s["accepted_error_largest"].get<double>(), s["covered"].get<int>(), s["fitted"].get<int>());
+        s["refused"].get<int>(), s["wrong"].get<int>(), number("error_median"), number("error_95"),
+        number("accepted_error_largest"), number("stated_median"),
+        number("stated_per_error_median"), s["covered"].get<int>(), s["fitted"].get<int>());
+  }
 }
 
 void write_plot(const json& rows, const json& summary, const std::string& file) {
@@ -469,6 +476,7 @@ lab::WorkshopLimits limits_of(const CalibrateFlags& flags) {
   lab::WorkshopLimits limits =
       lab::limits_for(flags.panel_width, flags.camera_width > 0 ? flags.camera_width : 4000);
   limits.shots = *std::ranges::max_element(flags.photographs);
+  if (flags.pitch_subpx) limits.least_pitch_subpx = limits.most_pitch_subpx = *flags.pitch_subpx;
   if (flags.warp_percent) limits.least_warp = limits.most_warp = *flags.warp_percent / 100.0;
   return limits;
 }
@@ -506,7 +514,8 @@ struct Counts {
   int refused = 0;  ///< the reason names the mistake
   int other = 0;    ///< refused for another reason
   int wrong = 0;
-  std::string other_reason;  ///< the last one
+  std::map<std::string, int> blamed;  ///< other reasons, in a few words
+  std::string other_reason;           ///< the last one
 
   void add(const lab::WrongWayResult& result) {
     if (result.outcome == lab::HandOutcome::Right) {
@@ -517,6 +526,7 @@ struct Counts {
       ++refused;
     } else {
       ++other;
+      ++blamed[result.blamed];
       other_reason = result.reason;
     }
   }
@@ -527,22 +537,39 @@ json json_of(uint64_t seed, const WrongWay& way, const lab::WrongWayResult& resu
           {"mistake", way.name},
           {"outcome", to_string(result.outcome)},
           {"cause_named", result.cause_named},
+          {"blamed", result.blamed},
           {"error_lenses", result.error_lenses},
           {"reason", result.reason}};
 }
 
 json json_of(const WrongWay& way, const Counts& counts) {
-  return {{"mistake", way.name},       {"right", counts.right},
-          {"refused", counts.refused}, {"other_reason", counts.other},
-          {"wrong", counts.wrong},     {"last_other_reason", counts.other_reason}};
+  return {{"mistake", way.name},
+          {"right", counts.right},
+          {"refused", counts.refused},
+          {"other_reason", counts.other},
+          {"wrong", counts.wrong},
+          {"blamed_instead", counts.blamed},
+          {"last_other_reason", counts.other_reason}};
 }
 
 void print_counts(std::span<const WrongWay> ways, const std::vector<Counts>& counts) {
-  print_out("\n{:<40} {:>6} {:>8} {:>6} {:>6}  {}\n", "mistake", "right", "refused", "other",
-            "WRONG", "other reason");
-  for (size_t k = 0; k < ways.size(); ++k)
-    print_out("{:<40} {:>6} {:>8} {:>6} {:>6}  {}\n", ways[k].name, counts[k].right,
-              counts[k].refused, counts[k].other, counts[k].wrong, counts[k].other_reason);
+  print_out("\n{:<40} {:>6} {:>6} {:>6} {:>6}  {}\n", "mistake", "right", "named", "other", "WRONG",
+            "blamed instead");
+  Counts sum;
+  for (size_t k = 0; k < ways.size(); ++k) {
+    std::string instead;
+    for (const auto& [words, count] : counts[k].blamed)
+      instead += fmt::format("{}{} {}", instead.empty() ? "" : ", ", words, count);
+    print_out("{:<40} {:>6} {:>6} {:>6} {:>6}  {}\n", ways[k].name, counts[k].right,
+              counts[k].refused, counts[k].other, counts[k].wrong, instead);
+    sum.right += counts[k].right;
+    sum.refused += counts[k].refused;
+    sum.other += counts[k].other;
+    sum.wrong += counts[k].wrong;
+  }
+  print_out("{:<40} {:>6} {:>6} {:>6} {:>6}  {:.0f} % of the refusals name the mistake\n", "all",
+            sum.right, sum.refused, sum.other, sum.wrong,
+            100.0 * sum.refused / std::max(sum.refused + sum.other, 1));
 }
 
 ExitCode run_calibrate_wrong(const CalibrateFlags& flags) {
@@ -637,6 +664,11 @@ cli::Run declare_bench_calibrate(CLI::App& app) {
           ->check(CLI::Range(1, 6))
           ->capture_default_str()
           ->needs(hand);
+  app.add_option("--pitch", flags->pitch_subpx, "lens pitch of all sheets")
+      ->type_name("SUBPIXELS")
+      ->check(CLI::Range(2.0, 60.0))
+      ->default_str("drawn: 4 to 11 on a panel of 3840 pixels, in proportion on smaller ones")
+      ->needs(hand);
   app.add_option(
          "--warp", flags->warp_percent,
          "smooth displacement that the correction of the phone's lens leaves, rms in percent "
