@@ -3,6 +3,7 @@
 // used. Plain data: made by the fit, written into reports and rig files.
 #pragma once
 
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
@@ -12,6 +13,12 @@
 #include "optics/vec.h"
 
 namespace lenticule::calib {
+
+/// Returns the distance from which a rig is viewed; arm's length if its views are parallel.
+[[nodiscard]] inline double viewing_distance_mm(const optics::Rig& rig) {
+  const double z = rig.viewing.distance.value;
+  return std::isfinite(z) ? z : 700.0;
+}
 
 /// Estimate is a value with its standard error.
 struct Estimate {

@@ -34,15 +34,15 @@ struct CameraPicture {
 using frames::capture::GrabStatus;
 
 struct CameraFacts {
-  std::string name;
-  std::string identity;  ///< serial or bus address, empty if there is none
+  std::string name{};
+  std::string identity{};  ///< serial or bus address, empty if there is none
   int width = 0;
   int height = 0;
   int channels = 0;
   double frames_per_second = 0.0;
-  std::string pixel_format;  ///< "YUYV", "photographs", "simulated"
+  std::string pixel_format{};  ///< "YUYV", "photographs", "simulated"
   /// Properties that could not be held constant, each a sentence for users: "no manual focus".
-  std::vector<std::string> unlocked;
+  std::vector<std::string> unlocked{};
 };
 
 /// Camera provides pictures.

@@ -32,30 +32,13 @@ constexpr double kZoneHalfWidthMm = 250.0;
 /// 95 of 100 sheets are within this for eyes at tangents up to 1.
 constexpr double kLawLenses = 0.006;
 
-double viewing_distance(const optics::Rig& rig) {
-  constexpr double kArmsLengthMm = 700.0;
-  const double z = rig.viewing.distance.value;
-  return std::isfinite(z) ? z : kArmsLengthMm;
-}
-
 std::vector<Vec3> zone_of(const optics::Rig& rig) {
   std::vector<Vec3> eyes;
   for (const double part : {0.8, 1.0, 1.2})
     for (const double side : {-1.0, 0.0, 1.0})
       eyes.push_back(
-          {side * kZoneHalfWidthMm, rig.viewing.height.value, part * viewing_distance(rig)});
+          {side * kZoneHalfWidthMm, rig.viewing.height.value, part * viewing_distance_mm(rig)});
   return eyes;
-}
-
-/// Returns observed minus fitted lenses of the photograph's blocks.
-PanelField residual_field(const PhotoFindings& seen, const PhotoFit& fit) {
-  PanelField field{seen.columns, seen.rows, {}};
-  field.values.assign(static_cast<size_t>(field.columns) * static_cast<size_t>(field.rows),
-                      std::numeric_limits<double>::quiet_NaN());
-  if (fit.phase_rests.size() != seen.blocks.size()) return field;
-  for (size_t k = 0; k < seen.blocks.size(); ++k)
-    field.values[seen.blocks[k].block] = -fit.phase_rests[k];
-  return field;
 }
 
 void describe(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
@@ -79,7 +62,7 @@ void describe(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
     for (const double rest : fit.photos[n].phase_rests)
       v.max_lenses = std::max(v.max_lenses, std::abs(rest));
     v.reprojection_rms_px = fit.photos[n].corner_rms_px * seen.averaged;
-    v.residual = residual_field(seen, fit.photos[n]);
+    v.residual = residual_field(seen.columns, seen.rows, seen.blocks, fit.photos[n].phase_rests);
     out.viewpoints.push_back(v);
   }
   const SheetReport report = prediction.sheet_report();
@@ -88,11 +71,9 @@ void describe(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
   out.parameters.push_back({"gap_mm.blue", "mm", fit.colour_gap[2]});
   out.correlations = report.correlations;
   const double averaged = photos.front().findings.averaged;
-  out.camera.focal_px = fit.values.camera[kFocal] * averaged;
-  out.camera.centre_x_px = fit.values.camera[kCentreX] * averaged;
-  out.camera.centre_y_px = fit.values.camera[kCentreY] * averaged;
-  out.camera.k1 = fit.values.camera[kRadial1];
-  out.camera.k2 = fit.values.camera[kRadial2];
+  const auto& camera = fit.values.camera;
+  out.camera = {camera[kFocal] * averaged, camera[kCentreX] * averaged, camera[kCentreY] * averaged,
+                camera[kRadial1], camera[kRadial2]};
 }
 
 /// Misfit is one kind of contradiction between a photograph and the others.
@@ -101,18 +82,12 @@ struct Misfit {
   std::string cause;
 };
 
-/// Returns the largest contrast of the fringes in a photograph other than the n-th.
-double other_contrast(const std::vector<PhonePhoto>& photos, size_t n) {
-  double largest = 0.0;
-  for (size_t k = 0; k < photos.size(); ++k)
-    if (k != n) largest = std::max(largest, photos[k].findings.contrast);
-  return largest;
-}
-
 /// Returns why fringes of the n-th photograph are off: a picture out of focus has less contrast.
 std::string cause_of_fringes(const std::vector<PhonePhoto>& photos, size_t n) {
   constexpr double kLeastPart = 0.6;
-  const double contrast = photos[n].findings.contrast, usual = other_contrast(photos, n);
+  const double contrast = photos[n].findings.contrast;
+  double usual = 0.0;
+  for (const PhonePhoto& photo : photos) usual = std::max(usual, photo.findings.contrast);
   if (contrast < kLeastPart * usual)
     return fmt::format("it was out of focus (contrast {:.2f}, others {:.2f}), or the hand moved",
                        contrast, usual);
@@ -139,8 +114,7 @@ std::string words_of(const Explanation& cause) {
           "resized, or is of another lens of the phone",
           100.0 * cause.size);
     case MistakeKind::Sheet:
-      return fmt::format("the sheet moved on the panel by {:.2f} lens before it",
-                         std::abs(cause.size));
+      return fmt::format("the sheet moved on the panel by {:.2f} lens before it", cause.size);
   }
   return "";
 }
@@ -344,7 +318,7 @@ void evaluate_error(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
 
 PhotoFindings measure_hand_held(const CameraPicture& photograph, const SinglePhotoChart& chart,
                                 const Estimate& focal_px) {
-  const double distance = viewing_distance(chart.start);
+  const double distance = viewing_distance_mm(chart.start);
   PhotoPriors priors;
   priors.focal_px = focal_px;
   priors.distance_mm = Estimate{distance, 0.3 * distance};

@@ -14,9 +14,7 @@
 // 4. For each photograph, a fit in which the hand may have turned shows how likely that is.
 // 5. The phases of red, green and blue differ from their mean, for which the fit was made: they
 //    give the gap of each colour.
-// 6. If photographs contradict each other, fits with one mistake in one photograph show which is
-// the
-//    likeliest.
+// 6. If photographs contradict each other, fits with one mistake in one photograph show the cause.
 #include "calib/phone/phone_fit.h"
 
 #include <ceres/ceres.h>
@@ -471,17 +469,19 @@ std::array<Estimate, 3> colour_gaps(const PhoneModel& model, const VectorXd& val
   return gaps;
 }
 
-/// PriorSigma holds the standard deviations of an unknown of a photograph: the usual one, and the
-/// one of a photograph with a mistake.
-struct PriorSigma {
+/// MistakePrior holds the unknowns of a photograph that a mistake changes, and their standard
+/// deviations: the usual one, and the one of a photograph with the mistake.
+struct MistakePrior {
+  int at, count;
   double usual, of_mistake;
-  int count;  ///< number of unknowns
 };
 /// Rotation while the rows are read (1 degree a second for 17 ms, 10 degrees), shift of the axis,
 /// breathing, motion of the sheet; in the order of MistakeKind.
-constexpr PriorSigma kSigmas[] = {
-    {3e-4, 3e-3, 3}, {kOwnCentreSigma, 0.02, 2}, {kOwnFocalSigma, 0.1, 1}, {1e-4, 0.3, 1}};
-constexpr double kMovedTurnSigma = kSigmas[0].of_mistake;
+constexpr MistakePrior kMistakes[] = {{PhoneModel::kTurn, 3, 3e-4, 3e-3},
+                                      {PhoneModel::kShiftX, 2, kOwnCentreSigma, 0.02},
+                                      {PhoneModel::kBreathing, 1, kOwnFocalSigma, 0.1},
+                                      {PhoneModel::kMoved, 1, 1e-4, 0.3}};
+constexpr double kMovedTurnSigma = kMistakes[0].of_mistake;
 
 /// Smallest standard errors: errors of neighbouring blocks and corners are alike. Up to kFewPhotos
 /// photographs determine axes and rotations so badly that all that fringes and tags say is needed;
@@ -505,12 +505,7 @@ class Joint {
   }
 
   std::optional<PhoneFit> run() {
-    constexpr int kRescalings = 3;
-    for (int round = 0; round < kRescalings; ++round) {
-      if (!solve()) return std::nullopt;
-      rescale();
-    }
-    const std::optional<MatrixXd> inverse = solve();
+    const std::optional<MatrixXd> inverse = settle();
     if (!inverse) return std::nullopt;
     PhoneFit fit = finish(*inverse);
     const VectorXd found = values_;
@@ -524,41 +519,33 @@ class Joint {
   /// Returns the explanations of a contradiction, the likeliest first.
   std::vector<Explanation> explain() {
     std::vector<Explanation> out;
-    for (int round = 0; round < 3; ++round, rescale())
-      if (!solve()) return out;
-    const std::optional<MatrixXd> inverse = solve();
+    const std::optional<MatrixXd> inverse = settle();
     if (!inverse) return out;
     const VectorXd found = values_;
     const double cost = cost_, spread = log_determinant(*inverse);
     for (size_t n = 0; n < model_.seen().size(); ++n)
-      for (size_t k = 0; k < std::size(kSigmas); ++k, values_ = found) {
+      for (size_t k = 0; k < std::size(kMistakes); ++k, values_ = found) {
         const auto kind = static_cast<MistakeKind>(k);
         const std::optional<MatrixXd> own = solve(Mistake{kind, n});
         if (!own) continue;
-        const double wider = kSigmas[k].count * std::log(kSigmas[k].of_mistake / kSigmas[k].usual);
-        out.push_back({kind, n, size_of(kind, block_of(n)),
-                       cost - cost_ + 0.5 * (log_determinant(*own) - spread) - wider});
+        const auto& [at, count, usual, of_mistake] = kMistakes[k];
+        out.push_back({kind, n, values_.segment(model_.photo_at(n) + at, count).norm(),
+                       cost - cost_ + 0.5 * (log_determinant(*own) - spread) -
+                           count * std::log(of_mistake / usual)});
       }
     std::ranges::sort(out, std::greater{}, &Explanation::evidence);
     return out;
   }
 
  private:
+  /// Finds the unknowns with the standard errors that the residuals show.
+  std::optional<MatrixXd> settle() {
+    for (int round = 0; round < 3; ++round, rescale())
+      if (!solve()) return std::nullopt;
+    return solve();
+  }
   static double log_determinant(const MatrixXd& covariance) {
     return covariance.ldlt().vectorD().array().abs().max(1e-300).log().sum();
-  }
-  static double size_of(MistakeKind kind, const double* photo) {
-    switch (kind) {
-      case MistakeKind::Turn:
-        return Eigen::Map<const Eigen::Vector3d>(photo + PhoneModel::kTurn).norm();
-      case MistakeKind::Axis:
-        return std::hypot(photo[PhoneModel::kShiftX], photo[PhoneModel::kShiftY]);
-      case MistakeKind::Focal:
-        return photo[PhoneModel::kBreathing];
-      case MistakeKind::Sheet:
-        return photo[PhoneModel::kMoved];
-    }
-    return 0.0;
   }
   double* block_of(size_t n) { return values_.data() + model_.photo_at(n); }
 
@@ -634,7 +621,7 @@ class Joint {
           new ceres::CauchyLoss(kOutlier), camera, sheet, own, warp,
           values_.data() + PhoneModel::kKnots);
     const auto sigma = [&](MistakeKind kind) {
-      const PriorSigma& both = kSigmas[static_cast<size_t>(kind)];
+      const MistakePrior& both = kMistakes[static_cast<size_t>(kind)];
       return mistake == kind ? both.of_mistake : both.usual;
     };
     const double turn = sigma(MistakeKind::Turn);

@@ -148,8 +148,7 @@ struct PosePriors {
 
 PosePriors pose_priors_of(const PhotoPriors& priors, const SinglePhotoChart& chart,
                           int longer_side) {
-  const double line = chart.start.viewing.distance.value;
-  const double distance = std::isfinite(line) ? line : 700.0;
+  const double distance = viewing_distance_mm(chart.start);
   PosePriors pose_priors{{std::log(0.85 * longer_side), std::log(1.5)}, {distance, 0.1 * distance}};
   if (priors.focal_px)
     pose_priors.log_focal = {std::log(priors.focal_px->value),
@@ -220,17 +219,14 @@ bool solve(ceres::Problem& problem) {
 }
 
 /// Returns the covariance row by row; NaN if it cannot be determined.
-std::array<double, 9> eye_covariance(ceres::Problem& problem, const Unknowns& unknowns) {
-  ceres::Covariance::Options options;
-  options.algorithm_type = ceres::DENSE_SVD;
-  ceres::Covariance covariance(options);
-  std::array<double, 9> eye{};
-  const double* block = unknowns.eye.data();
-  const std::vector<const double*> wanted = {block};
-  if (!covariance.Compute(wanted, &problem) ||
-      !covariance.GetCovarianceBlock(block, block, eye.data()))
-    eye.fill(std::numeric_limits<double>::quiet_NaN());
-  return eye;
+std::array<double, 9> eye_covariance(ceres::Problem& problem, Unknowns& unknowns) {
+  const Eigen::Matrix3d eye =
+      inverse_of_normal_equations(
+          problem, {unknowns.lens.data(), unknowns.rotation.data(), unknowns.eye.data()})
+          .bottomRightCorner<3, 3>();
+  std::array<double, 9> out{};
+  std::copy_n(eye.data(), out.size(), out.begin());
+  return out;
 }
 
 PhotoPose pose_of(const Unknowns& unknowns, Vec2 middle_px) {

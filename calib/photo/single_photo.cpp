@@ -240,6 +240,16 @@ optics::ResidualMap sum_of_maps(const optics::ResidualMap& a, const optics::Resi
   return sum;
 }
 
+PanelField residual_field(int columns, int rows, const std::vector<FringeBlock>& blocks,
+                          const std::vector<double>& residuals) {
+  PanelField field{columns, rows, {}};
+  field.values.assign(static_cast<size_t>(columns) * static_cast<size_t>(rows),
+                      std::numeric_limits<double>::quiet_NaN());
+  if (residuals.size() == blocks.size())
+    for (size_t k = 0; k < blocks.size(); ++k) field.values[blocks[k].block] = -residuals[k];
+  return field;
+}
+
 namespace {
 
 // Averages large photographs down, so that measuring takes at most a second.
@@ -652,16 +662,6 @@ Effective effective_of(const PhotoMeasurement& work) {
   return out;
 }
 
-PanelField residual_field(const PlaneFit& sheet) {
-  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  PanelField field{sheet.fringes.columns, sheet.fringes.rows, {}};
-  field.values.assign(static_cast<size_t>(field.columns) * static_cast<size_t>(field.rows), kNone);
-  // Observed minus fitted lenses: fringes have the opposite sign.
-  for (size_t i = 0; i < sheet.blocks.size(); ++i)
-    field.values[sheet.blocks[i].block] = -sheet.correction.residuals[i];
-  return field;
-}
-
 Viewpoint viewpoint_of(const PhotoMeasurement& work, const Effective& effective) {
   const PhotoPose& pose = *work.camera.pose;
   const PlaneFit& sheet = work.sheet;
@@ -679,7 +679,8 @@ Viewpoint viewpoint_of(const PhotoMeasurement& work, const Effective& effective)
   v.rms_lenses = sheet.correction.rms_lenses;
   v.max_lenses = sheet.correction.max_lenses;
   v.reprojection_rms_px = pose.corner_rms_px * work.photo.averaged;
-  v.residual = residual_field(sheet);
+  v.residual = residual_field(sheet.fringes.columns, sheet.fringes.rows, sheet.blocks,
+                              sheet.correction.residuals);
   return v;
 }
 
@@ -790,10 +791,9 @@ void add_findings(const PhotoMeasurement& work, const SinglePhotoChart& chart,
 void add_camera(const PhotoMeasurement& work, Calibration& out) {
   if (!work.camera.pose) return;
   const PhotoPose& pose = *work.camera.pose;
-  out.camera.focal_px = pose.focal_px * work.photo.averaged;
-  out.camera.centre_x_px = pose.middle_px.x * work.photo.averaged;
-  out.camera.centre_y_px = pose.middle_px.y * work.photo.averaged;
-  out.camera.k1 = -pose.distortion;
+  const double averaged = work.photo.averaged;
+  out.camera = {pose.focal_px * averaged, pose.middle_px.x * averaged, pose.middle_px.y * averaged,
+                -pose.distortion, 0.0};
 }
 
 /// Refuses scaled pictures. Scaling smears squares of one pixel to less light than they have. It

@@ -48,6 +48,11 @@ struct PlaneCorrection {
 [[nodiscard]] optics::ResidualMap sum_of_maps(const optics::ResidualMap& a,
                                               const optics::ResidualMap& b);
 
+/// Returns observed minus fitted lenses of each block, else NaN: fringes have the opposite sign.
+[[nodiscard]] PanelField residual_field(int columns, int rows,
+                                        const std::vector<FringeBlock>& blocks,
+                                        const std::vector<double>& residuals);
+
 /// PhotoFindings is what one photograph of the chart shows, for a fit of several photographs.
 struct PhotoFindings {
   std::string refusal;  ///< reason why the photograph cannot be used; empty if it can

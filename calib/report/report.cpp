@@ -564,9 +564,7 @@ optics::Eye usual_eye(const Calibration& c) {
     if (!v.held_out && is_finite(v.eye_mm) && v.eye_mm.z > 0.0)
       return {v.eye_mm.x, v.eye_mm.y, v.eye_mm.z};
   const optics::ViewingLine& line = c.rig.viewing;
-  constexpr double kArmsLength = 700.0;
-  return {line.centre.value, line.height.value,
-          std::isfinite(line.distance.value) ? line.distance.value : kArmsLength};
+  return {line.centre.value, line.height.value, viewing_distance_mm(c.rig)};
 }
 
 json small_changes(const Calibration& c, const optics::Eye& eye) {

@@ -376,8 +376,7 @@ WovenFrame draw(const ShowFlags& flags, const optics::OpticalModel& model) {
   const auto channel = std::ranges::find(names, flags.channel);
   if (channel != names.end())
     subject.channels = Channels::only(static_cast<int>(channel - names.begin()));
-  const auto named = std::ranges::find_if(
-      patterns(), [&](const NamedPattern& pattern) { return flags.pattern == pattern.name; });
+  const auto named = std::ranges::find(patterns(), flags.pattern, &NamedPattern::name);
   WovenFrame frame;
   calib::draw_pattern(named->make(subject), model.rig().panel, frame);
   return frame;

@@ -107,12 +107,11 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   const calib::SinglePhotoChart chart = calib::plan_single_photo_chart(rig);
   const calib::CameraPicture photograph = calib::read_photograph(flags.sources.front());
   const calib::Calibration found = calib::fit_single_photo(photograph, chart, priors_of(flags));
-  calib::CameraFacts camera;
-  camera.name = flags.sources.front();
-  camera.width = photograph.width;
-  camera.height = photograph.height;
-  camera.channels = photograph.channels;
-  camera.pixel_format = "photograph";
+  const calib::CameraFacts camera{.name = flags.sources.front(),
+                                  .width = photograph.width,
+                                  .height = photograph.height,
+                                  .channels = photograph.channels,
+                                  .pixel_format = "photograph"};
   return conclude(flags, rig, found, {.method = "one photograph", .camera = camera});
 }
 
@@ -199,18 +198,10 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
                   {.method = "photographs", .camera = camera});
 }
 
-void require_length(const char* flag, double value) {
-  if (value > 0.0 && std::isfinite(value)) return;
-  throw Error(ErrorKind::Usage, fmt::format("{}: {:g} is not a length", flag, value),
-              "use a number above 0");
-}
-
 ExitCode run_photos(const PhotosFlags& flags) {
   const bool files = std::ranges::none_of(
       flags.sources, [](const std::string& source) { return fs::is_directory(source); });
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
-  for (const double distance : flags.distances_mm) require_length("--distance", distance);
-  if (flags.focal_px) require_length("--focal-px", *flags.focal_px);
   if (flags.distances_mm.size() > (files ? 1 : flags.sources.size()))
     throw Error(ErrorKind::Usage, "--distance: more distances than places",
                 "give one distance for each folder, in their order, separated by commas");
@@ -257,11 +248,13 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
                   "separated by commas.")
       ->type_name("MM")
       ->delimiter(',')
+      ->check(CLI::Range(1.0, 1e6))
       ->allow_extra_args(false);
   way->add_option("--focal-px", flags->focal_px,
                   "focal length in pixels of the photograph, if known\n"
                   "It is used like --distance.")
-      ->type_name("PIXELS");
+      ->type_name("PIXELS")
+      ->check(CLI::Range(1.0, 1e6));
   way->add_option("--largest-error", flags->most_lenses,
                   "largest stated error with which a rig is written\n"
                   "Of a rig from several photographs by hand.")
@@ -301,11 +294,9 @@ struct PhoneFlags : DisplayFlags {
 /// between them passes over the whole panel at once if the rig is right.
 frames::WovenFrame two_sides(const optics::Rig& rig) {
   constexpr int kStep = 8;  // the phase is straight over so few pixels
-  constexpr double kArmsLengthMm = 700.0;
   const optics::OpticalModel model(rig);
   const optics::Panel& panel = rig.panel;
-  const double z = rig.viewing.distance.value;
-  const optics::Eye eye{0.0, rig.viewing.height.value, std::isfinite(z) ? z : kArmsLengthMm};
+  const optics::Eye eye{0.0, rig.viewing.height.value, calib::viewing_distance_mm(rig)};
   frames::WovenFrame frame({panel.width_px, panel.height_px, frames::PixelFormat::Rgb8});
   for (int j = 0; j < panel.height_px; ++j)
     for (int c = 0; c < 3; ++c)

@@ -47,10 +47,7 @@ class HandHeldPhotos {
   /// `focal_px` is the camera's focal length in pixels; without it, the photographs' EXIF data are
   /// used. Throws Error(Input) for a rig whose panel is too small for the chart.
   explicit HandHeldPhotos(const optics::Rig& rig, std::optional<double> focal_px = {})
-      : chart_(calib::plan_single_photo_chart(rig)), given_focal_px_(focal_px) {
-    camera_.channels = 3;
-    camera_.pixel_format = "photograph";
-  }
+      : chart_(calib::plan_single_photo_chart(rig)), given_focal_px_(focal_px) {}
 
   [[nodiscard]] const calib::SinglePhotoChart& chart() const { return chart_; }
 
@@ -162,7 +159,7 @@ class HandHeldPhotos {
   calib::Estimate focal_px_;
   std::vector<calib::PhonePhoto> photos_;
   std::vector<std::filesystem::path> files_;
-  calib::CameraFacts camera_;
+  calib::CameraFacts camera_{.channels = 3, .pixel_format = "photograph"};
 };
 
 // PhotoArrivals finds photographs that arrive in a folder.
