@@ -100,7 +100,7 @@ enum class Verdict {
 /// errors.
 struct DriftPrediction {
   /// At the worst panel point for the worst eye: two standard errors; for hand-held photographs the
-  /// limit that 95 % of drawn errors keep.
+  /// limit that 97 % of drawn errors keep.
   double worst_lenses = 0.0;
   double panel_x_px = 0.0;
   double panel_y_px = 0.0;

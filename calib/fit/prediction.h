@@ -119,11 +119,11 @@ class Prediction {
       });
     return worst;
   }
-  /// Returns the limit within which, with a probability of 95 %, the error stays at all panel
+  /// Returns the limit within which, with a probability of 97 %, the error stays at all panel
   /// points for all eyes at once; the place is that of worst_drift(). Draws sheets from the
   /// covariance, the same ones in each call.
   [[nodiscard]] DriftPrediction likely_largest_drift(const std::vector<Vec3>& eyes) const {
-    constexpr int kDraws = 1000, kWithin = 950;
+    constexpr int kDraws = 1000, kWithin = 970;
     DriftPrediction likely = worst_drift(eyes);
     likely.worst_lenses = drawn_drifts(eyes, kDraws)[kWithin];
     return likely;

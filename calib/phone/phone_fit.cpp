@@ -486,8 +486,8 @@ constexpr double kMovedTurnSigma = kMistakes[0].of_mistake;
 /// Smallest standard errors: errors of neighbouring blocks and corners are alike. Up to kFewPhotos
 /// photographs determine axes and rotations so badly that all that fringes and tags say is needed;
 /// more photographs show where the law of rigs does not hold.
-constexpr double kLeastPhaseSigma = 0.003, kLeastPhaseSigmaOfFew = 0.001;
-constexpr double kLeastCornerPx = 0.15, kLeastCornerPxOfFew = 0.03;
+constexpr double kLeastPhaseSigma = 0.002, kLeastPhaseSigmaOfFew = 0.001;
+constexpr double kLeastCornerPx = 0.08, kLeastCornerPxOfFew = 0.03;
 
 class Joint {
  public:

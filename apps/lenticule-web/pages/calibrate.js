@@ -73,7 +73,7 @@ function showError() {
     warn: "It can be kept; one more photograph makes it better.",
     bad: "That is too much to keep; take one more photograph." }[grade];
   $("error-text").replaceChildren("Error for every eye by the fit of all ",
-    `${fit.photographs} photographs, which 95 of 100 such results do not exceed: `, make("strong", { class: grade }, `${error.toFixed(3)} lens`),
+    `${fit.photographs} photographs, which 97 of 100 such results do not exceed: `, make("strong", { class: grade }, `${error.toFixed(3)} lens`),
     ` (wanted: ${fit.wanted_lenses}). `, grade === "warn" && !calibration.next ? "It can be kept." : words,
     grade === "bad" && result && result.photographs === 1 ? " Until then the first photograph alone gives the result." : "");
   const at = (lenses) => Math.min(1, lenses / BAR_LENSES) * BAR_PIXELS;
