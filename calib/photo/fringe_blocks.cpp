@@ -182,15 +182,16 @@ Unknowns first_guess(const Similarity& similarity, const PosePriors& pose_priors
 }
 
 void add_corners(ceres::Problem& problem, Unknowns& unknowns, const std::vector<Corner>& corners,
-                 const optics::LensSheet& sheet, Vec2 middle_px, double pixels_per_mm) {
+                 const optics::LensSheet& sheet, Vec2 middle_px, double pixels_per_mm,
+                 bool robust = true) {
   using Cost = ceres::AutoDiffCostFunction<CornerError, 2, 5, 3, 3>;
   const double longer_px = 2.0 * std::max(middle_px.x, middle_px.y);
   for (const Corner& corner : corners)
     problem.AddResidualBlock(
         new Cost(new CornerError{corner, middle_px, longer_px, sheet.gap.value,
                                  sheet.refraction_shape, pixels_per_mm / kCornerSigmaPx}),
-        new ceres::CauchyLoss(3.0), unknowns.lens.data(), unknowns.rotation.data(),
-        unknowns.eye.data());
+        robust ? new ceres::CauchyLoss(3.0) : nullptr, unknowns.lens.data(),
+        unknowns.rotation.data(), unknowns.eye.data());
 }
 
 void add_pose_priors(ceres::Problem& problem, Unknowns& unknowns, const PosePriors& priors) {
@@ -298,10 +299,14 @@ std::optional<PhotoPose> find_pose(const std::vector<TagSighting>& tags,
   const double pixels_per_mm = std::abs(similarity.factor);
   if (!(pixels_per_mm > 1e-6)) return std::nullopt;
   Unknowns unknowns = first_guess(similarity, pose_priors, middle_px);
-  ceres::Problem problem;
+  // All corners lead a rough start to the minimum; then those of hidden tags are outliers.
+  ceres::Problem rough, problem;
+  add_corners(rough, unknowns, corners, chart.start.sheet, middle_px, pixels_per_mm, false);
   add_corners(problem, unknowns, corners, chart.start.sheet, middle_px, pixels_per_mm);
-  add_pose_priors(problem, unknowns, pose_priors);
-  if (!solve(problem)) return std::nullopt;
+  for (ceres::Problem* one : {&rough, &problem}) {
+    add_pose_priors(*one, unknowns, pose_priors);
+    if (!solve(*one)) return std::nullopt;
+  }
   PhotoPose pose = pose_of(unknowns, middle_px);
   if (!is_finite(pose.eye_mm) || !(pose.eye_mm.z > chart.start.sheet.gap.value))
     return std::nullopt;

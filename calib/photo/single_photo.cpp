@@ -320,7 +320,10 @@ struct TaggedCamera {
   std::optional<PhotoPose> pose;
 };
 
-constexpr size_t kLeastTags = 5;
+/// One of five tags may be hidden, and four of nine.
+size_t least_tags(const SinglePhotoChart& chart) {
+  return std::min<size_t>(chart.tags.size() - 1, 5);
+}
 constexpr double kMisplacedPx = 1.5;
 
 /// Removes tags that are partly hidden: they are found, but at a wrong position.
@@ -393,7 +396,7 @@ Refusal place_camera(const AveragedPhoto& photo, const SinglePhotoChart& chart,
   try_tags();
   if (camera.pose) {
     const std::vector<TagSighting> kept = without_misplaced(camera);
-    if (kept.size() >= kLeastTags && kept.size() < camera.tags.size()) {
+    if (kept.size() >= least_tags(chart) && kept.size() < camera.tags.size()) {
       camera.tags = kept;
       try_tags();
     }
@@ -415,10 +418,10 @@ bool is_mirrored(const PhotoLight& picture, const SinglePhotoChart& chart) {
     const auto begin = mirrored.light.begin() + static_cast<ptrdiff_t>(row) * mirrored.width;
     std::reverse(begin, begin + mirrored.width);
   }
-  const std::vector<TagSighting> tags = find_tags(mirrored, kLeastTags);
+  const std::vector<TagSighting> tags = find_tags(mirrored, least_tags(chart));
   return std::ranges::count_if(tags, [&](const TagSighting& tag) {
            return chart.tag(tag.id) != nullptr;
-         }) >= static_cast<ptrdiff_t>(kLeastTags);
+         }) >= static_cast<ptrdiff_t>(least_tags(chart));
 }
 
 /// Finds tags and pose. Refuses photographs with too few tags, with tags of another rig's chart,
@@ -429,17 +432,15 @@ Refusal locate_camera(const AveragedPhoto& photo, const SinglePhotoChart& chart,
   camera.tags = find_tags(photo.light, chart.tags.size());
   const size_t foreign = std::erase_if(
       camera.tags, [&](const TagSighting& tag) { return chart.tag(tag.id) == nullptr; });
-  if (camera.tags.size() < kLeastTags && foreign >= kLeastTags)
-    return "the chart in the photograph was made for another rig";
-  if (camera.tags.size() < kLeastTags && is_mirrored(photo.light, chart))
+  if (camera.tags.size() >= least_tags(chart)) return place_camera(photo, chart, priors, camera);
+  if (foreign >= least_tags(chart)) return "the chart in the photograph was made for another rig";
+  if (is_mirrored(photo.light, chart))
     return "the photograph is mirrored: switch off the camera program's mirroring, or take the "
            "phone's back camera";
-  if (camera.tags.size() < kLeastTags)
-    return fmt::format(
-        "only {} of {} tags were found: the panel is not completely in the picture, too small, or "
-        "out of focus",
-        camera.tags.size(), chart.tags.size());
-  return place_camera(photo, chart, priors, camera);
+  return fmt::format(
+      "only {} of {} tags were found: the panel is not completely in the picture, too small, or "
+      "out of focus",
+      camera.tags.size(), chart.tags.size());
 }
 
 // Fits pitch, slant, offset and residual map of the sheet to the fringes that one camera saw.

@@ -21,6 +21,7 @@
 
 #include "base/error.h"
 #include "base/statistics.h"
+#include "calib/calibration.h"
 #include "frames/srgb.h"
 
 namespace lenticule::calib {
@@ -28,15 +29,16 @@ namespace {
 
 /// Lens pitches across a cell of a tag: as many as there is room for.
 constexpr double kMostPitchesPerCell = 12.0, kLeastPitchesPerCell = 7.0;
-constexpr double kLeastCellPx = 20.0;
-constexpr double kArmsLengthMm = 700.0;
+/// A tag in each corner and one in the middle have room for larger cells than nine.
+constexpr double kLeastPitchesPerCellOfFive = 6.0;
+constexpr double kUsualCellPx = 20.0;
+/// Cells as wide as this part of a panel that fills the picture of a phone have some of its pixels.
+constexpr double kLeastCellPart = 1.0 / 192.0;
 constexpr int kTagsAcross = 3;
 constexpr int kBands = 8;
 
 double effective_pitch(const optics::Rig& rig) {
-  const double z = rig.viewing.distance.value;
-  const double distance = std::isfinite(z) ? z : kArmsLengthMm;
-  return rig.sheet.pitch.value * (1.0 + rig.sheet.gap.value / distance);
+  return rig.sheet.pitch.value * (1.0 + rig.sheet.gap.value / viewing_distance_mm(rig));
 }
 
 /// Returns an id for each tag: the remainder identifies the tag, the quotient is a digit of the
@@ -52,40 +54,38 @@ std::vector<int> tag_ids(const optics::Rig& rig) {
   return ids;
 }
 
-/// Returns the largest cell with room for all tags. Fringes need at least as much space as tags.
-double most_cell_px(const optics::Panel& panel) {
-  constexpr double kAllTags = kTagsAcross * kTagCells;
-  return std::floor(
-      std::min(panel.width_px / (2.0 * kAllTags), panel.height_px / (1.5 * kAllTags)));
+/// Returns the largest cell with room for nine tags, or for five. Fringes need at least as much
+/// space as tags.
+double most_cell_px(const optics::Panel& panel, bool five) {
+  const double across = kTagCells * (five ? 2.0 : 3.0);
+  return std::floor(std::min(panel.width_px / (2.0 * across), panel.height_px / (1.5 * across)));
 }
 
 /// Returns the smallest cell that is seen through the sheet.
-double least_cell_px(const optics::Rig& rig) {
-  return std::ceil(std::max(kLeastCellPx, kLeastPitchesPerCell * rig.sheet.pitch.value / 3.0));
+double least_cell_px(const optics::Rig& rig, double pitches) {
+  return std::ceil(
+      std::max(kLeastCellPart * rig.panel.width_px, pitches * rig.sheet.pitch.value / 3.0));
 }
 
-double tag_cell_px(const optics::Rig& rig) {
-  const double wanted =
-      std::ceil(std::max(kLeastCellPx, kMostPitchesPerCell * rig.sheet.pitch.value / 3.0));
-  return std::min(wanted, most_cell_px(rig.panel));
-}
-
-/// Places tags near the corners, near the middles of the sides and in the centre. Fringes outside
-/// the tags show the sheet up to the panel's border; a map without them is a guess there.
+/// Places tags near the corners and in the centre, and if there is room, near the middles of the
+/// sides. Fringes outside the tags show the sheet up to the panel's border; a map without them is a
+/// guess there.
 std::vector<ChartTag> place_tags(const optics::Rig& rig) {
-  const double cell = tag_cell_px(rig), size = kTagCells * cell;
+  const bool five = least_cell_px(rig, kLeastPitchesPerCell) > most_cell_px(rig.panel, false);
+  const double wanted = std::max(kUsualCellPx, least_cell_px(rig, kMostPitchesPerCell));
+  const double cell = std::min(wanted, most_cell_px(rig.panel, five)), size = kTagCells * cell;
   const double width = rig.panel.width_px, height = rig.panel.height_px;
   if (!has_room_for_tags(rig))
     throw Error(ErrorKind::Input,
-                fmt::format("{}: {} x {} pixels are too few for nine tags of {:.0f} pixels",
+                fmt::format("{}: {} x {} pixels are too few for five tags of {:.0f} pixels",
                             rig.name.empty() ? "rig" : rig.name, width, height,
-                            kTagCells * least_cell_px(rig)),
-                "calibrate with several photographs, which do not need tags");
+                            kTagCells * least_cell_px(rig, kLeastPitchesPerCellOfFive)),
+                "calibrate with photographs of all patterns, which need no tags");
   constexpr double kInsetX = 0.05, kInsetY = 0.075;
   const double left = std::max(cell, kInsetX * width), top = std::max(cell, kInsetY * height);
   std::vector<ChartTag> tags;
   const std::vector<int> ids = tag_ids(rig);
-  for (int k = 0; k < kTagsAcross * kTagsAcross; ++k) {
+  for (int k = 0; k < kTagsAcross * kTagsAcross; k += five ? 2 : 1) {
     const double across = (k % kTagsAcross) / (kTagsAcross - 1.0);
     const double down = (k / kTagsAcross) / (kTagsAcross - 1.0);
     tags.push_back({ids[static_cast<size_t>(k)],
@@ -167,7 +167,7 @@ void draw_fringes(const SinglePhotoChart& chart, const Wave& wave, int j, uint8_
 }  // namespace
 
 bool has_room_for_tags(const optics::Rig& start) {
-  return least_cell_px(start) <= most_cell_px(start.panel);
+  return least_cell_px(start, kLeastPitchesPerCellOfFive) <= most_cell_px(start.panel, true);
 }
 
 std::array<Vec2, 4> ChartTag::corners_px() const {
@@ -198,8 +198,7 @@ int ScalePatch::half_at(Vec2 panel_px) const {
 }
 
 const ChartTag* SinglePhotoChart::tag(int id) const {
-  const auto found = std::find_if(tags.begin(), tags.end(),
-                                  [&](const ChartTag& candidate) { return candidate.id == id; });
+  const auto found = std::ranges::find(tags, id, &ChartTag::id);
   return found != tags.end() ? &*found : nullptr;
 }
 
@@ -273,38 +272,31 @@ using Owned = std::unique_ptr<T, Release>;
 
 /// Returns the light that a two hundredth of the pixels exceeds: white, even with glints.
 float white_level(const PhotoLight& picture) {
-  std::vector<float> light;
-  for (const float value : picture.light)
-    if (std::isfinite(value)) light.push_back(value);
+  std::vector<float> light = picture.light;
+  std::erase_if(light, [](float value) { return !std::isfinite(value); });
   if (light.empty()) return 1.0F;
   const size_t place = light.size() - 1 - light.size() / 200;
   return std::max(value_in_order(std::move(light), place), 1e-6F);
 }
 
-/// Converts to eight bits of linear light: another curve would move the edges of blurred tags.
-Owned<image_u8_t> eight_bits(const PhotoLight& picture) {
-  Owned<image_u8_t> out(
-      image_u8_create(static_cast<unsigned>(picture.width), static_cast<unsigned>(picture.height)));
+/// Converts means of squares to eight bits of linear light: a curve would move the tags' edges.
+Owned<image_u8_t> eight_bits(const PhotoLight& picture, int side) {
+  Owned<image_u8_t> out(image_u8_create(static_cast<unsigned>(picture.width / side),
+                                        static_cast<unsigned>(picture.height / side)));
   LENTICULE_CHECK(out != nullptr);
   const float white = white_level(picture);
-  for (int j = 0; j < picture.height; ++j) {
-    for (int i = 0; i < picture.width; ++i) {
-      const float light =
-          picture.light[static_cast<size_t>(j) * static_cast<size_t>(picture.width) +
-                        static_cast<size_t>(i)];
-      const float share = light > 0.0F ? std::min(light / white, 1.0F) : 0.0F;  // NaN: black
-      out->buf[j * out->stride + i] = static_cast<uint8_t>(std::lround(255.0F * share));
+  for (int j = 0; j < out->height; ++j)
+    for (int i = 0; i < out->width; ++i) {
+      float sum = 0.0F;
+      for (int k = 0; k < side * side; ++k) {
+        const int pixel = (side * j + k / side) * picture.width + side * i + k % side;
+        const float light = picture.light[static_cast<size_t>(pixel)];
+        sum += light > 0.0F ? std::min(light / white, 1.0F) : 0.0F;  // NaN: black
+      }
+      out->buf[j * out->stride + i] =
+          static_cast<uint8_t>(std::lround(255.0F * sum / static_cast<float>(side * side)));
     }
-  }
   return out;
-}
-
-TagSighting sighting_of(const apriltag_detection_t& detection) {
-  TagSighting sighting;
-  sighting.id = detection.id;
-  for (size_t corner = 0; corner < 4; ++corner)
-    sighting.corners_px[corner] = {detection.p[corner][0], detection.p[corner][1]};
-  return sighting;
 }
 
 bool is_credible(const apriltag_detection_t& detection) {
@@ -317,7 +309,8 @@ bool is_credible(const apriltag_detection_t& detection) {
 /// Best holds the clearest sighting of each tag.
 using Best = std::map<int, std::pair<float, TagSighting>>;
 
-Best detect(apriltag_detector_t& detector, image_u8_t& picture) {
+/// `side` is that of the squares of pixels that became one of the picture.
+Best detect(apriltag_detector_t& detector, image_u8_t& picture, double side) {
   const Owned<zarray_t> found(apriltag_detector_detect(&detector, &picture));
   Best best;
   for (int i = 0; found && i < zarray_size(found.get()); ++i) {
@@ -327,7 +320,10 @@ Best detect(apriltag_detector_t& detector, image_u8_t& picture) {
     auto& [margin, sighting] = best[detection->id];
     if (margin >= detection->decision_margin) continue;
     margin = detection->decision_margin;
-    sighting = sighting_of(*detection);
+    sighting.id = detection->id;
+    for (size_t corner = 0; corner < 4; ++corner)
+      sighting.corners_px[corner] = {side * detection->p[corner][0],
+                                     side * detection->p[corner][1]};
   }
   return best;
 }
@@ -335,7 +331,7 @@ Best detect(apriltag_detector_t& detector, image_u8_t& picture) {
 }  // namespace
 
 std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted) {
-  constexpr int kLeastSide = 32;  // the library requires a minimum size
+  constexpr int kLeastSide = 96;  // the library requires a minimum size
   if (picture.width < kLeastSide || picture.height < kLeastSide) return {};
   const TagFamily family;  // outlives its detector
   const Owned<apriltag_detector_t> detector(apriltag_detector_create());
@@ -343,14 +339,17 @@ std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted) {
   apriltag_detector_add_family_bits(detector.get(), family.get(), 1);
   detector->nthreads = 1;
   detector->quad_decimate = 1.0F;
-  const Owned<image_u8_t> grey = eight_bits(picture);
   Best all;
-  // The sharp picture is searched first; tags hidden by noise are searched in blurred pictures.
-  // Corners are always refined in the sharp picture.
-  for (const float blur_px : {0.0F, 0.8F, 1.6F, 2.4F}) {
-    detector->quad_sigma = blur_px;
-    all.merge(detect(*detector, *grey));
-    if (all.size() >= wanted) break;
+  // The sharp picture is searched first; tags hidden by noise are searched in blurred pictures, and
+  // those that wide lenses cut into stripes in a smaller one. Corners are always refined in the
+  // sharp picture.
+  for (const int side : {1, 3}) {
+    const Owned<image_u8_t> grey = eight_bits(picture, side);
+    for (const float blur_px : {0.0F, 0.8F, 1.6F, 2.4F}) {
+      if (all.size() >= wanted) break;
+      detector->quad_sigma = blur_px;
+      all.merge(detect(*detector, *grey, side));
+    }
   }
   std::vector<TagSighting> tags;
   for (const auto& [id, sighting] : all)

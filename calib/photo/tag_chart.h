@@ -53,8 +53,8 @@ struct SinglePhotoChart {
   int fringes = 0;                  ///< F, across the panel
   int bands = 0;                    ///< number of bands of equal height
   double contrast = 0.9;            ///< A
-  /// Three rows of three from the top left. Their ids depend on the starting rig, so that a
-  /// photograph of another rig's chart is detected.
+  /// From the top left: three rows of three, or four in the corners and one in the middle. Their
+  /// ids depend on the starting rig, so that a photograph of another rig's chart is detected.
   std::vector<ChartTag> tags;
   std::vector<ScalePatch> patches;
 
@@ -76,7 +76,8 @@ struct SinglePhotoChart {
 
 /// Plans the chart for an eye at the rig's viewing distance (700 mm if infinite). Number of
 /// fringes: 3 % of the lenses in a row, 24 to 60. Throws Error(Input) for an invalid rig and for a
-/// panel too small for the tags: a tag's cell is at least 7 lens pitches and 20 pixels.
+/// panel too small for the tags: a cell of a tag is at least 7 lens pitches, or 6 if there are only
+/// five tags, and a 192th of the panel's width.
 [[nodiscard]] SinglePhotoChart plan_single_photo_chart(const optics::Rig& start);
 
 /// Draws the chart's frame, with the panel's size, in sRGB codes of linear light.

@@ -192,9 +192,9 @@ class PhotoSession {
   };
 
   static constexpr std::array<Remedy, 13> kRemedies = {
-      {{"tags were found", "Get the whole panel with all nine tags into the picture, and sharp."},
+      {{"tags were found", "Get the whole panel with all tags into the picture, and sharp."},
        {"tags deviate",
-        "Use the main camera of the phone, and get the whole panel with all nine tags into the "
+        "Use the main camera of the phone, and get the whole panel with all tags into the "
         "picture."},
        {"another rig",
         "Press \"Begin again\", and photograph the chart that is then on the panel."},

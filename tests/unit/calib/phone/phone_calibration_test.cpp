@@ -62,6 +62,17 @@ TEST(PhoneCalibration, AWarpIsNotTakenForAHandThatMoved) {
       << found.error_lenses << ::testing::PrintToString(found.reasons);
 }
 
+TEST(PhoneCalibration, SmallPanelsAndWideLensesHaveFiveTags) {
+  lab::WorkshopLimits limits = lab::limits_for(1280, 2400);
+  limits.least_pitch_subpx = limits.most_pitch_subpx = 9.0;
+  limits.shots = 4;
+  const HandTrial trial(102, limits);
+  EXPECT_EQ(trial.chart().tags.size(), 5U);
+  const HandResult found = trial.calibrate(4);
+  EXPECT_EQ(found.outcome, HandOutcome::Right)
+      << found.error_lenses << ::testing::PrintToString(found.reasons);
+}
+
 TEST(PhoneCalibration, PhotographsThatContradictEachOtherAreRefusedAndNamed) {
   const HandTrial trial(4, test::small_workshop(3));
   const auto reasons = [&](const auto& change) {

@@ -4,8 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
+#include <tuple>
 
 #include "frames/srgb.h"
 #include "photo_stage.h"
@@ -64,28 +66,46 @@ TEST(TagChart, AnotherRigHasOtherTags) {
   EXPECT_EQ(plan_single_photo_chart(other).tag(id), nullptr);
 }
 
-TEST(TagChart, HasRoomForLensesOfTwentySubpixelsOn4kAndTenOn1080) {
-  for (const auto& [width, height, pitch] :
-       {std::tuple(3840, 2160, 20.0), std::tuple(1920, 1080, 10.0)}) {
+bool overlap(const ChartTag& a, const ChartTag& b) {
+  const double size = 10.0 * std::max(a.cell_px, b.cell_px);
+  return std::abs(a.left_px - b.left_px) < size && std::abs(a.top_px - b.top_px) < size;
+}
+
+TEST(TagChart, HasFiveLargerTagsWhereNineHaveNoRoom) {
+  for (const auto& [width, height, pitch, count] :
+       {std::tuple(3840, 2160, 20.0, 9), std::tuple(1920, 1080, 10.0, 9),
+        std::tuple(1920, 1080, 12.0, 5), std::tuple(1366, 768, 5.0, 9),
+        std::tuple(1366, 768, 12.0, 5), std::tuple(1280, 800, 5.0, 9),
+        std::tuple(1280, 800, 12.0, 5)}) {
     optics::Rig rig = desk_rig();
     rig.panel.width_px = width;
     rig.panel.height_px = height;
     rig.sheet.pitch.value = pitch;
     ASSERT_TRUE(has_room_for_tags(rig)) << pitch;
-    for (const ChartTag& tag : plan_single_photo_chart(rig).tags) {
-      EXPECT_GE(tag.cell_px, 7.0 * pitch / 3.0);
+    const SinglePhotoChart chart = plan_single_photo_chart(rig);
+    EXPECT_EQ(chart.tags.size(), static_cast<size_t>(count)) << width << " " << pitch;
+    for (const ChartTag& tag : chart.tags) {
+      EXPECT_GE(tag.cell_px, (count == 9 ? 7.0 : 6.0) * pitch / 3.0);
+      EXPECT_GE(std::min(tag.left_px, tag.top_px), 0.0);
       EXPECT_LE(tag.left_px + 10.0 * tag.cell_px, width);
       EXPECT_LE(tag.top_px + 10.0 * tag.cell_px, height);
+      for (const ChartTag& other : chart.tags)
+        EXPECT_TRUE(&other == &tag || !overlap(tag, other)) << width << " " << pitch;
+      for (const ScalePatch& patch : chart.patches) {
+        EXPECT_FALSE(tag.covers({patch.left_px, patch.top_px}, 0.0));
+        EXPECT_FALSE(tag.covers({patch.left_px + 2.0 * patch.side_px, patch.top_px}, 0.0));
+      }
     }
   }
 }
 
 TEST(TagChart, RefusesAPanelTooSmallForTags) {
   optics::Rig rig = desk_rig();
-  rig.panel.width_px = 1024;
-  rig.panel.height_px = 600;
+  rig.panel.width_px = 640;
+  rig.panel.height_px = 360;
+  rig.sheet.pitch.value = 14.0;
   test::expect_error(test::error_of([&] { (void)plan_single_photo_chart(rig); }), ErrorKind::Input,
-                     "too few for nine tags");
+                     "too few for five tags");
 }
 
 TEST(TagFinder, FindsTagsInNoise) {
