@@ -78,6 +78,7 @@ ExitCode write_patterns(const PhotosFlags& flags, const optics::Rig& rig) {
 }
 
 constexpr double kTapeSigmaMm = 5.0;  ///< standard error of a distance measured with a tape
+constexpr double kMostPull = 2.5;     ///< standard errors
 
 // Returns priors for the given values. A data sheet's focal length is accurate to two percent.
 calib::PhotoPriors priors_of(const PhotosFlags& flags) {
@@ -126,7 +127,17 @@ ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
   });
   if (player::interrupted()) return player::interrupt_exit_code();
   progress.finish();
-  const calib::Calibration found = photos.calibrate(flags.most_lenses);
+  calib::Calibration found = photos.calibrate(flags.most_lenses);
+  if (!flags.distances_mm.empty() && !found.viewpoints.empty() &&
+      found.viewpoints[0].name == fs::path(flags.sources[0]).filename()) {
+    const calib::Viewpoint& first = found.viewpoints[0];
+    const double taped = flags.distances_mm[0], off = first.eye_mm.z - taped;
+    if (std::abs(off) > kMostPull * std::hypot(kTapeSigmaMm, first.eye_sigma_mm.z))
+      found.warnings.push_back(fmt::format(
+          "{} was taken from {:.0f} mm by the rig's panel size, not from {:.0f} mm: measure the "
+          "panel, its size in the rig seems {:+.1f} % off",
+          first.name, first.eye_mm.z, taped, 100.0 * off / taped));
+  }
   return conclude(flags, rig, found, photos.details(), {{"photographs", photos.to_json(found)}});
 }
 
@@ -226,10 +237,9 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
       "Example, with one photograph, good for the eye that it was taken from:\n"
       "  lenticule calibrate show photo-chart --rig start.toml --display kms\n"
       "  lenticule calibrate photos IMG_0001.jpg --rig start.toml -o kiosk.toml --distance 700\n"
-      "Photographs of that chart from the hand, from the middle, the left and the right, one of "
-      "them\n"
-      "with the phone turned by 180 degrees, good for every eye:\n"
-      "  lenticule calibrate photos IMG_1.jpg IMG_2.jpg IMG_3.jpg --rig start.toml -o kiosk.toml\n"
+      "Four photographs of that chart from the hand, good for every eye: from the middle with the\n"
+      "phone upside down, from the upper left and right the usual way up, and there upside down:\n"
+      "  lenticule calibrate photos 1.jpg 2.jpg 3.jpg 4.jpg --rig start.toml -o kiosk.toml\n"
       "All patterns, from three places, one folder each:\n"
       "  lenticule calibrate photos --rig start.toml --write-patterns patterns\n"
       "  lenticule calibrate photos centre left right --rig start.toml -o kiosk.toml");

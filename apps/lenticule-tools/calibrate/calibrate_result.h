@@ -7,6 +7,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -22,6 +23,7 @@
 #include "calib/camera.h"
 #include "calib/report/report.h"
 #include "display/display_sink.h"
+#include "display/kms/inspect.h"
 #include "display/open/open_display.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
@@ -91,6 +93,21 @@ inline void declare_display_flags(CLI::App& app, DisplayFlags& flags) {
                "with kms: show patterns even if subpixels are known to arrive changed");
 }
 
+/// Returns a warning if a panel states a size, from its EDID, that is not the rig's. Photographs do
+/// not show that all lengths are wrong alike; the rig is then wrong for every eye at the side.
+inline std::string size_contradiction(const optics::Panel& panel, double width_mm,
+                                      double height_mm) {
+  const double rig = std::hypot(panel.width_px * panel.pixel_width.value,
+                                panel.height_px * panel.pixel_height.value);
+  const double stated = std::hypot(width_mm, height_mm);
+  constexpr double kRoundedMm = 7.0, kRoundedPart = 0.005;  // EDIDs often state whole centimetres
+  if (!(stated > 0.0) || std::abs(rig - stated) <= kRoundedMm + kRoundedPart * stated) return "";
+  return fmt::format(
+      "the panel states a diagonal of {:.0f} mm, the rig has {:.0f} mm ({:+.1f} %): measure the "
+      "panel, or the rig will be wrong for eyes at the side",
+      stated, rig, 100.0 * (rig / stated - 1.0));
+}
+
 /// PatternDisplay is a display that shows patterns. Thread safety: one thread.
 class PatternDisplay {
  public:
@@ -99,6 +116,7 @@ class PatternDisplay {
       : display_([&] {
           display::DisplayRequest request = display::request_for(rig, flags.display);
           request.kms.allow_inexact = flags.allow_inexact;
+          if (display::is_kms_spec(request.spec)) compare_size(request, rig.panel);
           return display::open_display(request);
         }()),
         sink_(*display_) {}
@@ -125,6 +143,17 @@ class PatternDisplay {
   }
 
  private:
+  static void compare_size(const display::DisplayRequest& request, const optics::Panel& panel) {
+    display::KmsOptions options = display::kms_options_of(request);
+    if (!options.session) options.session = display::make_direct_session();
+    const display::PanelSearch search = display::search_panel(options);
+    if (search.present.size() != 1) return;
+    const display::PanelInfo& seen = search.present.front();
+    if (const std::string warning = size_contradiction(panel, seen.width_mm, seen.height_mm);
+        !warning.empty())
+      say("{}: {}\n", seen.connector, warning);
+  }
+
   std::unique_ptr<display::Display> display_;
   display::DisplaySink sink_;
 };
