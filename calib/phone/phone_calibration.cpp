@@ -7,7 +7,6 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "calib/fit/prediction.h"

@@ -33,8 +33,8 @@ struct PhonePhoto {
 /// Fits all photographs that could be measured. `focal_px` refers to the original photographs. The
 /// stated error, `drift`, is the limit within which 97 of 100 results stay over the whole panel for
 /// eyes 250 mm to each side at 0.8 to 1.2 of the viewing distance. The verdict is Intrinsic if it
-/// is within 0.0213 lens and no photograph is in doubt, Effective if it is within `most_lenses`, else
-/// Refused. Reasons name the photographs.
+/// is within 0.0213 lens and no photograph is in doubt, Effective if it is within `most_lenses`,
+/// else Refused. Reasons name the photographs.
 [[nodiscard]] Calibration calibrate_phone(const std::vector<PhonePhoto>& photos,
                                           const SinglePhotoChart& chart, const Estimate& focal_px,
                                           double most_lenses = 0.0);

@@ -60,10 +60,10 @@ struct TurnedFit {
 /// Fits two or more photographs, all measured without refusal and of equal size. The unknowns are
 /// the focal length (prior `focal_px`, in averaged pixels), the principal point, two radial terms,
 /// a smooth warp of all pictures; for each photograph its pose, its focus breathing, its shift by
-/// the stabiliser, its rotation while the rows were read, and the enlargement of its tags; the sheet
-/// and its residual map. A knot far from all fringes continues the map straight. The whole lenses
-/// between photographs follow from the gap, searched within 30 % of the start. Returns nothing if
-/// the fit does not converge.
+/// the stabiliser, its rotation while the rows were read, and the enlargement of its tags; the
+/// sheet and its residual map. A knot far from all fringes continues the map straight. The whole
+/// lenses between photographs follow from the gap, searched within 30 % of the start. Returns
+/// nothing if the fit does not converge.
 ///
 /// The photographs' light is the mean of the channels, but `values` has the gap of green light: a
 /// rig's colours are those of its panel, and the sheet refracts them differently.

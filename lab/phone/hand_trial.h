@@ -25,11 +25,11 @@ enum class HandOutcome {
 struct HandResult {
   int photographs = 0;
   HandOutcome outcome = HandOutcome::Refused;
-  bool fitted = false;         ///< the fit gave a rig, accepted or not
-  double error_lenses = 0.0;   ///< worst_error() of that rig
-  double stated_lenses = 0.0;  ///< largest error that the calibration states
+  bool fitted = false;               ///< the fit gave a rig, accepted or not
+  double error_lenses = 0.0;         ///< worst_error() of that rig
+  double stated_lenses = 0.0;        ///< largest error that the calibration states
   std::vector<std::string> reasons;  ///< of the verdict, then warnings
-  double fit_seconds = 0.0;  ///< time of the joint fit
+  double fit_seconds = 0.0;          ///< time of the joint fit
 };
 
 /// HandTrial takes the photographs of one workshop and measures each once.

@@ -79,6 +79,17 @@ TEST_F(PhoneCommand, PacksThePhotographsWithTheCommandThatRepeatsTheCalibration)
             std::string::npos);
 }
 
+// Photographs show angles alone: only a length that was measured shows that all of the rig are off.
+TEST_F(PhoneCommand, ATapeThatContradictsThePanelsSizeIsNamed) {
+  workshop_.shots.resize(2);
+  photograph_all();
+  const ProcessResult found = run(
+      {"calibrate", "photos", path("inbox/1.jpg"), path("inbox/2.jpg"), "--rig", path("start.toml"),
+       "-o", path("found.toml"), "--distance", std::to_string(1.06 * workshop_.shots[0].eye_mm.z)});
+  EXPECT_NE(found.out.find("its size in the rig seems -"), std::string::npos)
+      << found.out << found.err;
+}
+
 TEST_F(PhoneCommand, PlansTheChartAgainIfThePitchIsFarOff) {
   workshop_.start.sheet.pitch.value *= 1.02;
   optics::save_rig(workshop_.start, path("start.toml"));
