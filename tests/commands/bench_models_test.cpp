@@ -3,8 +3,8 @@
 // are scripts that copy a picture.
 #include <nlohmann/json.hpp>
 
-#include "apps/lenticule-tools/offline/flip.h"
 #include "frames/image_io.h"
+#include "lab/flip.h"
 #include "tests/commands/program.h"
 #include "tests/support/scratch_folder.h"
 
@@ -79,15 +79,32 @@ TEST_F(BenchModels, ComparesEveryModelWithTheJudgesPicture) {
   const auto theirs = frames::read_woven(out("001-quad.judge.png"));
   EXPECT_EQ(theirs.width(), 32);
   EXPECT_EQ(theirs.bytes()[0], 128);
-  const double flip =
-      tools::flip_figures(tools::flip_map({ours.view(), tools::kFlipPixelsPerDegree},
-                                          {theirs.view(), tools::kFlipPixelsPerDegree}))
-          .mean;
+  const double flip = lab::flip_figures(lab::flip_map({ours.view(), lab::kFlipPixelsPerDegree},
+                                                      {theirs.view(), lab::kFlipPixelsPerDegree}))
+                          .mean;
   EXPECT_GT(flip, 0.01);
   EXPECT_NEAR(models[1].at("flip_mean").get<double>(), flip, 1e-6);
   EXPECT_NEAR(json.at("flip_mean").get<double>(), flip, 1e-6);
   EXPECT_EQ(frames::read_woven(out("001-quad.flip.png")).width(), 32);
   EXPECT_FALSE(std::filesystem::exists(out("001-quad.judge-large.png")));
+}
+
+TEST_F(BenchModels, FlipOfTwoPicturesIsACommandOfItsOwn) {
+  const auto grey = [&](const char* name, uint8_t code) {
+    frames::WovenFrame picture({.width = 40, .height = 30});
+    std::ranges::fill(picture.bytes(), code);
+    frames::write_woven(picture.view(), path(name));
+    return path(name);
+  };
+  const std::string a = grey("a.png", 100);
+  const std::string b = grey("b.png", 140);
+  EXPECT_EQ(results_of(run({"bench", "flip", a, a, "--json"}))["mean"], 0.0);
+  const auto flip = results_of(run({"bench", "flip", a, b, "--json", "--pixels-per-degree", "30"}));
+  EXPECT_EQ(flip["pixels_per_degree"], 30.0);
+  EXPECT_GT(flip["mean"].get<double>(), 0.1);
+  EXPECT_NEAR(flip["percentile_99"].get<double>(), flip["mean"].get<double>(), 1e-5)
+      << "flat pictures differ everywhere alike";
+  EXPECT_NE(run({"bench", "flip", a, b}).out.find("FLIP: mean 0."), std::string::npos);
 }
 
 TEST_F(BenchModels, HasAFlipOfZeroForEqualPictures) {

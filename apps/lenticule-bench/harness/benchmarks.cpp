@@ -23,6 +23,7 @@ Run declare_bench_codec(CLI::App& app);
 Run declare_bench_cores(CLI::App& app);
 Run declare_bench_error(CLI::App& app);
 Run declare_bench_exact(CLI::App& app);
+Run declare_bench_flip(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
 Run declare_bench_models(CLI::App& app);
 Run declare_bench_paper(CLI::App& app);
@@ -62,6 +63,7 @@ const std::vector<Benchmark>& benchmarks() {
        declare_bench_error},
       {"exact", "rates of bare Embree, of visibility and of whole frames of method full",
        declare_bench_exact},
+      {"flip", "two pictures: FLIP, what a viewer notices when they alternate", declare_bench_flip},
       {"memory", "peak memory of rendering one frame", declare_bench_memory},
       {"models", "glTF models beside the pictures of another renderer, compared by FLIP",
        declare_bench_models},

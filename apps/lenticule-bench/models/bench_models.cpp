@@ -17,7 +17,6 @@
 #include <optional>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule-tools/offline/flip.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
@@ -26,6 +25,7 @@
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "frames/text.h"
+#include "lab/flip.h"
 #include "lab/judges/judge.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
@@ -219,7 +219,7 @@ struct ModelsFlags {
   std::string environment;
   int size_px = 512;
   int supersample = 2;
-  double pixels_per_degree = tools::kFlipPixelsPerDegree;
+  double pixels_per_degree = lab::kFlipPixelsPerDegree;
   int limit_s = 120;
   int threads = 0;
   bool json = false;
@@ -234,7 +234,7 @@ struct ModelRow {
   std::string theirs_failure{};
   double seconds = 0.0;
   ContactEntry entry{};
-  std::optional<tools::FlipFigures> flip{};
+  std::optional<lab::FlipFigures> flip{};
 };
 
 class ModelsRun {
@@ -360,11 +360,11 @@ class ModelsRun {
     entry.caption = row.model.name;
     if (entry.ours.bytes().empty() || entry.theirs.bytes().empty()) return;
     const std::vector<float> map =
-        tools::flip_map(tools::FlipPicture(entry.theirs.view(), flags_.pixels_per_degree),
-                        tools::FlipPicture(entry.ours.view(), flags_.pixels_per_degree));
+        lab::flip_map(lab::FlipPicture(entry.theirs.view(), flags_.pixels_per_degree),
+                      lab::FlipPicture(entry.ours.view(), flags_.pixels_per_degree));
     entry.flip = flip_picture(map, flags_.size_px, flags_.size_px);
     frames::write_woven(entry.flip.view(), picture_file(row, "flip"));
-    row.flip = tools::flip_figures(map);
+    row.flip = lab::flip_figures(map);
     entry.caption = fmt::format("{:.3f} {}", row.flip->mean, row.model.name);
   }
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/lenticule-tools/offline/flip.h"
+#include "lab/flip.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "frames/frame.h"
 #include "frames/sequence/band_codec.h"
@@ -153,7 +153,7 @@ class ErrorEyes {
   frames::BandWorkers& workers_;
   double pixels_per_degree_;
   SeenPictures reference_;
-  std::vector<tools::FlipPicture> reference_flip_;
+  std::vector<lab::FlipPicture> reference_flip_;
   SeenPictures test_;
 };
 

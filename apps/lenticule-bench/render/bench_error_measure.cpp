@@ -110,7 +110,7 @@ std::optional<std::string> ErrorScene::name_for_peers() const {
 
 double seen_pixels_per_degree(const optics::Rig& rig) {
   const double distance_mm = rig.viewing.distance.value;
-  if (std::isinf(distance_mm)) return tools::kFlipPixelsPerDegree;
+  if (std::isinf(distance_mm)) return lab::kFlipPixelsPerDegree;
   const double width_mm = rig.panel.width_px * rig.panel.pixel_width.value;
   const double pixel_mm = width_mm / frames::decoded_geometry(rig).width;
   return std::clamp(distance_mm / pixel_mm * std::numbers::pi / 180.0, 1.0, 1000.0);
@@ -124,7 +124,7 @@ frames::WovenFrame ErrorEyes::seen(const frames::FrameView& woven, int eye) cons
 }
 
 void ErrorEyes::set_reference(const frames::FrameView& woven) {
-  std::array<std::optional<tools::FlipPicture>, kErrorEyes> flip;
+  std::array<std::optional<lab::FlipPicture>, kErrorEyes> flip;
   workers_.run(kErrorEyes, [&](int eye, int) {
     const auto e = static_cast<size_t>(eye);
     reference_[e] = seen(woven, eye);
@@ -141,8 +141,8 @@ nlohmann::json ErrorEyes::compare(const frames::FrameView& woven, EyeFlicker& fl
     test_[e] = seen(woven, eye);
     const frames::FrameView a = reference_[e].view();
     const frames::FrameView b = test_[e].view();
-    const tools::FlipFigures flip = tools::flip_figures(
-        tools::flip_map(reference_flip_[e], tools::FlipPicture(b, pixels_per_degree_)));
+    const lab::FlipFigures flip = lab::flip_figures(
+        lab::flip_map(reference_flip_[e], lab::FlipPicture(b, pixels_per_degree_)));
     const lab::Flicker change = flicker[e].add(a, b);
     figures[e] = {{"ssim", nullptr},
                   {"flip_mean", flip.mean},

@@ -16,7 +16,6 @@
 #include <utility>
 #include <vector>
 
-#include "apps/lenticule-tools/offline/flip.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -185,12 +184,6 @@ void print_channels(const json& figures, const std::string& prefix = "") {
   print_line(prefix + "total", figures["total"]);
 }
 
-void print_flip(const json& flip) {
-  print_out("FLIP: mean {:.4f}, 99 % of the pixels at most {:.4f} ({:g} pixels per degree)\n",
-            flip["mean"].get<double>(), flip["percentile_99"].get<double>(),
-            flip["pixels_per_degree"].get<double>());
-}
-
 void print_views(const json& frame) {
   print_out("subpixels of each view, and the picture that an eye there sees\n");
   for (size_t n = 0; n < frame["views"].size(); ++n) {
@@ -207,8 +200,6 @@ void print_means(const json& report) {
   print_channels(means, "all ");
   print_out("means of frames: RMSE {:.4f}, PSNR {}\n", means["mean_rmse"].get<double>(),
             psnr_text(means, "mean_psnr_db"));
-  if (means.contains("flip"))
-    print_out("mean of frames: FLIP {:.4f}\n", means["flip"].get<double>());
   if (!means.contains("views")) return;
   for (size_t n = 0; n < means["views"].size(); ++n) {
     const json& view = means["views"][n];
@@ -251,18 +242,11 @@ void print_sequence(const json& report, std::optional<double> over) {
 /// CompareReport measures pairs and accumulates the results. Figures of a set of samples are "mse",
 /// "rmse", "psnr_db" (null if equal), "max", and "over_N" and "share_over_N": how many differ by
 /// more than N levels. Totals have the same share for the given number of levels, "share_over".
-/// FLIP of a frame is "flip" {"mean", "percentile_99", "pixels_per_degree"}.
 class CompareReport {
  public:
   /// `model` may be null; then there are no figures per view. Lifetime: it must outlive the report.
-  /// With `flip_pixels_per_degree`, frames have FLIP too.
-  CompareReport(const optics::OpticalModel* model, int views,
-                std::optional<double> flip_pixels_per_degree, std::optional<double> over)
-      : model_(model),
-        views_(views),
-        flip_pixels_per_degree_(flip_pixels_per_degree),
-        over_(over),
-        seen_(model ? static_cast<size_t>(views) : 0) {}
+  CompareReport(const optics::OpticalModel* model, int views, std::optional<double> over)
+      : model_(model), views_(views), over_(over), seen_(model ? static_cast<size_t>(views) : 0) {}
 
   /// Adds a pair. Throws the errors of reading and comparing pictures.
   void add(const PicturePair& files) {
@@ -271,7 +255,6 @@ class CompareReport {
     nlohmann::json frame = figures_of(difference, over_);
     frame["reference"] = files.reference.string();
     frame["test"] = files.test.string();
-    if (flip_pixels_per_degree_) frame["flip"] = measure_flip(reference.view(), test.view());
     if (model_) {
       const auto by_view = frames::compare_views(reference.view(), test.view(), *model_, views_);
       for (int view = 0; view < views_; ++view)
@@ -289,16 +272,13 @@ class CompareReport {
   /// Returns the added pair with the largest total MSE.
   [[nodiscard]] size_t worst_frame() const { return worst_frame_; }
 
-  /// Returns "frames", "worst_frame", "worst" (a copy of that frame), "means" (with FLIP as "flip",
-  /// the mean over frames) and, with a rig,
+  /// Returns "frames", "worst_frame", "worst" (a copy of that frame), "means" and, with a rig,
   /// "worst_view" {"frame", "view", ...}: the view with the largest difference in any frame.
   [[nodiscard]] nlohmann::json json() const {
     nlohmann::json report = {{"frames", frames_},
                              {"worst_frame", worst_frame_},
                              {"worst", frames_.at(worst_frame_)},
                              {"means", whole_.figures(over_)}};
-    if (flip_pixels_per_degree_)
-      report["means"]["flip"] = flip_sum_ / static_cast<double>(frames_.size());
     for (const Pooled& view : seen_) report["means"]["views"].push_back(view.figures(over_));
     if (!worst_view_.is_null()) report["worst_view"] = worst_view_;
     return report;
@@ -338,15 +318,6 @@ class CompareReport {
     }
   };
 
-  nlohmann::json measure_flip(const frames::FrameView& reference, const frames::FrameView& test) {
-    const FlipFigures flip = flip_figures(
-        flip_map({reference, *flip_pixels_per_degree_}, {test, *flip_pixels_per_degree_}));
-    flip_sum_ += flip.mean;
-    return {{"mean", flip.mean},
-            {"percentile_99", flip.percentile_99},
-            {"pixels_per_degree", *flip_pixels_per_degree_}};
-  }
-
   nlohmann::json measure_view(const frames::FrameView& reference, const frames::FrameView& test,
                               const frames::Difference& subpixels, int view) {
     const frames::WovenFrame a = frames::decode_view(reference, *model_, view, views_);
@@ -374,9 +345,7 @@ class CompareReport {
 
   const optics::OpticalModel* model_;
   int views_;
-  std::optional<double> flip_pixels_per_degree_;
   std::optional<double> over_;
-  double flip_sum_ = 0.0;
   std::vector<nlohmann::json> frames_;
   size_t worst_frame_ = 0;
   Pooled whole_;
@@ -390,7 +359,6 @@ void print_compare_report(const json& report, std::optional<double> over) {
   if (frames.size() != 1) return print_sequence(report, over);
   print_heading();
   print_channels(frames[0]);
-  if (frames[0].contains("flip")) print_flip(frames[0]["flip"]);
   if (frames[0].contains("views")) print_views(frames[0]);
   print_readings(frames[0], over);
 }
@@ -403,8 +371,6 @@ struct CompareFlags {
   std::string picture;
   std::optional<double> limit_psnr_db;
   std::optional<double> over;
-  bool flip = false;
-  double pixels_per_degree = kFlipPixelsPerDegree;
   bool json = false;
 };
 
@@ -429,9 +395,7 @@ ExitCode run_compare(const CompareFlags& flags) {
   if (model && views == 0) views = frames::native_view_count(model->rig());
 
   const std::vector<PicturePair> pairs = picture_pairs(flags.reference, flags.test);
-  CompareReport measured(model ? &*model : nullptr, views,
-                         flags.flip ? std::optional(flags.pixels_per_degree) : std::nullopt,
-                         flags.over);
+  CompareReport measured(model ? &*model : nullptr, views, flags.over);
   player::Progress progress("compare", "frames", pairs.size());
   for (size_t n = 0; n < pairs.size(); ++n) {
     if (player::interrupted()) return player::interrupt_exit_code();
@@ -471,12 +435,6 @@ cli::Run declare_compare(CLI::App& app) {
                  "also print the share of the subpixels that differ by more; share_over in JSON")
       ->type_name("LEVELS")
       ->check(CLI::Range(0.0, 255.0));
-  CLI::Option* const flip = app.add_flag(
-      "--flip", flags->flip, "also measure FLIP: what a viewer notices when the two alternate");
-  app.add_option("--pixels-per-degree", flags->pixels_per_degree, "of the viewer, for FLIP")
-      ->needs(flip)
-      ->check(CLI::Range(1.0, 1000.0))
-      ->capture_default_str();
   app.add_flag("--json", flags->json, "print the figures as JSON; psnr_db is null where equal");
   return [flags] {
     if (flags->views != 0) flags->rig = player::choose_rig({.given = flags->rig}).file;

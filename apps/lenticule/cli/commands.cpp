@@ -36,7 +36,7 @@ constexpr auto kCommands = std::to_array<Command>({
     {"calibrate", "find the lens sheet's pitch, slant, offset and gap",
      "lenticule calibrate by-eye --display kms -o lobby.toml"},
     {"depth", "measure how deep a scene is for a panel, and how much of it is shown sharply",
-     "lenticule depth builtin:demo --depth-budget 4 --svg depth.svg"},
+     "lenticule depth builtin:demo --depth-budget 4 --picture depth.png"},
     {"farm", "render a film on many machines, with Slurm or any other scheduler",
      "lenticule farm plan model.glb --frames 0:750 -o film.lts --work /shared/film"},
     {"rig", "show, check, import, export and turn rig files",

@@ -41,24 +41,6 @@ TEST_F(CompareCommand, EqualPicturesHaveANullPsnrAndPassAnyLimit) {
   EXPECT_TRUE(report["worst"]["total"]["psnr_db"].is_null());
 }
 
-TEST_F(CompareCommand, AddsFlipOnRequest) {
-  const std::string a = picture("a.png", kWidth, kHeight, 100);
-  const std::string b = picture("b.png", kWidth, kHeight, 140);
-  const auto equal = json_of(compare(a, a, {"--json", "--flip"}));
-  EXPECT_EQ(equal["frames"][0]["flip"]["mean"], 0.0);
-  const auto report = json_of(compare(a, b, {"--json", "--flip", "--pixels-per-degree", "30"}));
-  const auto& flip = report["frames"][0]["flip"];
-  EXPECT_EQ(flip["pixels_per_degree"], 30.0);
-  EXPECT_GT(flip["mean"].get<double>(), 0.1);
-  EXPECT_NEAR(flip["percentile_99"].get<double>(), flip["mean"].get<double>(), 1e-5)
-      << "flat pictures differ everywhere alike";
-  EXPECT_EQ(report["means"]["flip"], flip["mean"]);
-  EXPECT_NE(compare(a, b, {"--flip"}).out.find("FLIP: mean 0."), std::string::npos);
-
-  EXPECT_FALSE(json_of(compare(a, b, {"--json"}))["frames"][0].contains("flip"));
-  EXPECT_EQ(compare(a, b, {"--pixels-per-degree", "30"}).exit_code, 2) << "needs --flip";
-}
-
 TEST_F(CompareCommand, AddsViewsWithARig) {
   const std::string a = picture("a.png", kWidth, kHeight, 100);
   const std::string b = picture("b.png", kWidth, kHeight, 101);

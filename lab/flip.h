@@ -8,7 +8,7 @@
 
 #include "frames/frame.h"
 
-namespace lenticule::tools {
+namespace lenticule::lab {
 
 /// Default of FLIP's authors: a 4K monitor of 0.7 m width, seen from 0.7 m.
 inline constexpr double kFlipPixelsPerDegree = 67.0206432765823;
@@ -44,4 +44,4 @@ struct FlipFigures {
 /// Returns zeros for an empty map.
 [[nodiscard]] FlipFigures flip_figures(std::vector<float> map);
 
-}  // namespace lenticule::tools
+}  // namespace lenticule::lab

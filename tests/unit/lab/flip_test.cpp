@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests FLIP against its definition in long double, and its basic properties.
-#include "apps/lenticule-tools/offline/flip.h"
+#include "lab/flip.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include "tests/support/error_matchers.h"
 #include "tests/support/oracles/picture_oracle.h"
 
-namespace lenticule::tools {
+namespace lenticule::lab {
 namespace {
 
 using test::error_of;
@@ -106,4 +106,4 @@ TEST(Flip, RefusesIncomparablePictures) {
 }
 
 }  // namespace
-}  // namespace lenticule::tools
+}  // namespace lenticule::lab

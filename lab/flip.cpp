@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/lenticule-tools/offline/flip.h"
+#include "lab/flip.h"
 
 #include <fmt/format.h>
 
@@ -12,7 +12,7 @@
 #include "frames/compare.h"
 #include "frames/srgb.h"
 
-namespace lenticule::tools {
+namespace lenticule::lab {
 namespace {
 
 /// Taps are the weights of a filter, odd in number; the middle one belongs to the pixel itself.
@@ -308,4 +308,4 @@ FlipFigures flip_figures(std::vector<float> map) {
   return {.mean = mean, .percentile_99 = value_in_order(std::move(map), place)};
 }
 
-}  // namespace lenticule::tools
+}  // namespace lenticule::lab
