@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Weaver makes the woven frame of a rig from views. This is the reference implementation: scalar,
-// in double precision, one subpixel after the other; faster weavers must agree with it.
+// What weaving means: filters, the place of views on the panel, weights of views, and back again
+// from a woven frame to its views. FastWeaver weaves.
 #pragma once
 
 #include <optional>
@@ -10,7 +10,6 @@
 #include "frames/frame.h"
 #include "frames/quilt.h"
 #include "optics/model.h"
-#include "optics/row_rays.h"
 
 namespace lenticule::frames {
 
@@ -80,43 +79,6 @@ struct PicturePlace {
 /// and sum to 1. `spot_sigma_views` is used by Gauss only.
 [[nodiscard]] int view_weights(double view_number, int views, ViewFilter filter,
                                double spot_sigma_views, std::vector<double>& weights);
-
-/// Weaver weaves one set of views for one rig. Each subpixel takes its own channel of the point
-/// where its ray crosses the panel (views are off-axis cameras focused on the panel), bilinear
-/// inside each view and mixed in linear light, as an eye's retina does. If a single pixel
-/// contributes, its code value is kept exactly.
-///
-/// Thread safety: several threads may call weave_rows() for different rows.
-///
-/// Lifetime: the views and the model must outlive the weaver.
-class Weaver {
- public:
-  Weaver(const ViewSet& views, const optics::OpticalModel& model, const WeaveOptions& options = {});
-
-  [[nodiscard]] FrameGeometry geometry() const;
-  /// Fills rows [begin, end) of a frame of geometry().
-  void weave_rows(int begin, int end, WovenFrame& frame) const;
-
- private:
-  /// PicturePoint is a panel point in a view, as fractions from the left and from the top.
-  struct PicturePoint {
-    double u;
-    double v;
-  };
-  [[nodiscard]] double light_at(int view, PicturePoint point, int channel) const;
-  [[nodiscard]] uint8_t subpixel(const optics::RowRays& rays, size_t s, int channel,
-                                 std::vector<double>& weights) const;
-
-  const ViewSet& views_;
-  optics::RowRayEvaluator rays_;
-  WeaveOptions options_;
-  ViewFilter filter_;
-  PicturePlace place_;
-};
-
-/// Weaves the whole frame at once.
-[[nodiscard]] WovenFrame weave(const ViewSet& views, const optics::OpticalModel& model,
-                               const WeaveOptions& options = {});
 
 // Decodes the views of a woven frame: the pictures seen by eyes that stand where each view is aimed
 // at.

@@ -14,6 +14,7 @@
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "base/print.h"
 #include "frames/weaving/fast_weaver.h"
+#include "lab/reference_weaver.h"
 #include "player/process/interrupt.h"
 
 namespace lenticule::bench {
@@ -73,11 +74,13 @@ void copy_by_threads(const frames::WovenFrame& from, frames::WovenFrame& to, int
 /// Returns the estimated time of a whole frame from a few rows.
 double reference_ms(const frames::ViewSet& views, const optics::OpticalModel& model,
                     const frames::WeaveOptions& options) {
-  const frames::Weaver weaver(views, model, options);
-  frames::WovenFrame frame(weaver.geometry());
+  const optics::Panel& panel = model.rig().panel;
+  frames::WovenFrame frame({.width = panel.width_px, .height = panel.height_px});
   const int rows = std::min(frame.height(), 48), first = (frame.height() - rows) / 2;
-  return milliseconds([&] { weaver.weave_rows(first, first + rows, frame); }) * frame.height() /
-         rows;
+  const auto some_rows = [&] {
+    lab::weave_rows(views, model, options, first, first + rows, frame);
+  };
+  return milliseconds(some_rows) * frame.height() / rows;
 }
 
 /// Weaves and copies in interleaved runs.

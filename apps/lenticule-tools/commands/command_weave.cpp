@@ -37,7 +37,6 @@ struct WeaveFlags {
   player::ContentFlags content;
   player::WeavingFlags weaving;
   std::string quilt;
-  bool reference = false;
   bool overwrite = false;
   bool keep_damaged = false;
   bool json = false;
@@ -79,22 +78,6 @@ std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const opt
   return input;
 }
 
-/// Weaves with the reference implementation; returns false if interrupted.
-bool weave_by_reference(const frames::ViewSet& views, const optics::OpticalModel& model,
-                        const frames::WeaveOptions& options, frames::WovenFrame& frame) {
-  const frames::Weaver weaver(views, model, options);
-  player::Progress progress("weave", "rows", static_cast<uint64_t>(frame.height()));
-  constexpr int kBand = 32;
-  for (int j = 0; j < frame.height(); j += kBand) {
-    if (player::interrupted()) return false;
-    const int end = std::min(j + kBand, frame.height());
-    weaver.weave_rows(j, end, frame);
-    progress.update(static_cast<uint64_t>(end));
-  }
-  progress.finish();
-  return true;
-}
-
 nlohmann::json report(const WeaveFlags& flags, const frames::ViewSet& views,
                       const frames::WeaveOptions& options, const optics::Rig& rig) {
   return {{"output", flags.output},
@@ -110,7 +93,6 @@ nlohmann::json report(const WeaveFlags& flags, const frames::ViewSet& views,
           {"fit", frames::to_string(options.fit)},
           {"crosstalk", flags.weaving.crosstalk.empty() ? nlohmann::json()
                                                         : nlohmann::json(flags.weaving.crosstalk)},
-          {"reference", flags.reference},
           {"inverted", flags.content.invert}};
 }
 
@@ -147,11 +129,7 @@ ExitCode run_weave(const WeaveFlags& flags) {
   if (!flags.quilt.empty())
     say("{}: the views\n", frames::write_quilt(views, flags.quilt).string());
 
-  frames::WovenFrame frame(geometry);
-  if (!flags.reference)
-    frame = frames::weave_fast(views, model, options, player::all_threads());
-  else if (!weave_by_reference(views, model, options, frame))
-    return player::interrupt_exit_code();
+  const frames::WovenFrame frame = frames::weave_fast(views, model, options, player::all_threads());
   const nlohmann::json done = report(flags, views, options, model.rig());
   refuse_damage(*input, flags);
   frames::write_woven(frame.view(), flags.output);
@@ -181,9 +159,6 @@ cli::Run declare_weave(CLI::App& app) {
                  "also write the woven views as a quilt; its layout is added to the name")
       ->type_name("FILE");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
-  app.add_flag(
-      "--reference", flags->reference,
-      "use the slow reference weaver\nIn double precision; the fast one is tested against it.");
   app.add_flag("--keep-damaged", flags->keep_damaged,
                "also weave from a damaged input\nAnother frame may replace the requested one.");
   app.add_flag("--json", flags->json, "print what was done as JSON");

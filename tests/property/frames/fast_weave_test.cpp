@@ -10,10 +10,13 @@
 #include "frames/srgb.h"
 #include "frames/weaving/crosstalk.h"
 #include "frames/weaving/fast_weaver.h"
+#include "lab/reference_weaver.h"
 #include "tests/support/weave_rigs.h"
 
 namespace lenticule::frames {
 namespace {
+
+using lab::weave;
 
 using optics::SubpixelLayout;
 using test::weave_noise;

@@ -9,11 +9,14 @@
 
 #include "frames/srgb.h"
 #include "frames/weave.h"
+#include "lab/reference_weaver.h"
 #include "optics/eye_simulator.h"
 #include "tests/support/oracles/seen_column.h"
 
 namespace lenticule::frames {
 namespace {
+
+using lab::weave;
 
 struct Kiosk {
   const char* name;

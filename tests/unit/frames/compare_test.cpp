@@ -6,10 +6,13 @@
 #include <numeric>
 
 #include "frames/weave.h"
+#include "lab/reference_weaver.h"
 #include "tests/support/error_matchers.h"
 
 namespace lenticule::frames {
 namespace {
+
+using lab::weave;
 
 using test::error_of;
 

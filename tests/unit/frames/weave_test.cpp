@@ -5,11 +5,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "lab/reference_weaver.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/noise_frame.h"
 
 namespace lenticule::frames {
 namespace {
+
+using lab::weave;
 
 using test::error_of;
 using ::testing::DoubleNear;
