@@ -392,11 +392,9 @@ class FastWeaver {
   std::vector<std::thread> helpers_;
 };
 
-/// Weaves the whole frame at once: with the fast weaver, or with the reference if there are more
-/// views than a plan supports.
+/// Weaves the whole frame at once. Throws Error(Usage) for more than kMostPlannedViews views.
 [[nodiscard]] inline WovenFrame weave_fast(const ViewSet& views, const optics::OpticalModel& model,
                                            const WeaveOptions& options = {}, int threads = 1) {
-  if (views.count() > kMostPlannedViews) return weave(views, model, options);
   const auto plan = std::make_shared<const WeavePlan>(model, shape_of(views), options, threads);
   WovenFrame frame(plan->geometry());
   FastWeaver(plan, threads).weave(views, frame);

@@ -266,7 +266,7 @@ WeavePlan::WeavePlan(const optics::OpticalModel& model, const ViewShape& shape,
     throw Error(
         ErrorKind::Usage,
         fmt::format("{} views: a weaving plan has at most {}", shape.count, kMostPlannedViews),
-        "use --reference for more");
+        "take every second view, or fewer");
   const optics::Rig& rig = model.rig();
   options_.filter = view_filter(options, rig.sheet, shape.count);
   geometry_ = {.width = rig.panel.width_px, .height = rig.panel.height_px};
