@@ -11,11 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "lab/flip.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "frames/frame.h"
 #include "frames/sequence/band_codec.h"
 #include "lab/fixtures.h"
+#include "lab/flip.h"
 #include "lab/measures.h"
 #include "optics/model.h"
 #include "optics/rig.h"
