@@ -140,13 +140,7 @@ class FrameCopier {
     display::ScanoutBuffer* const buffer = display_.acquire();
     if (buffer == nullptr) return next_index_;
     fill(*buffer, newest.acquired.frame);
-    LENTICULE_CHECK(queue_.push({.buffer = buffer,
-                                 .index = newest.index,
-                                 .cut = source_.cut(),
-                                 .number = newest.acquired.number,
-                                 .item = newest.acquired.item,
-                                 .rate = source_.rate(),
-                                 .captured_ns = newest.acquired.captured_ns}));
+    push(buffer, newest.acquired, newest.index);
     return newest.index;
   }
 
@@ -270,32 +264,31 @@ class FrameCopier {
       statistics_.released.add();
       return Step::Worked;
     }
-    LENTICULE_CHECK(queue_.push({.buffer = buffer_,
+    push(std::exchange(buffer_, nullptr), acquired, index);
+    notify_presenter();
+    return Step::Worked;
+  }
+  void push(display::ScanoutBuffer* buffer, const frames::AcquiredFrame& acquired, uint64_t index) {
+    LENTICULE_CHECK(queue_.push({.buffer = buffer,
                                  .index = index,
                                  .cut = cut(),
                                  .number = acquired.number,
                                  .item = acquired.item,
                                  .rate = source_.rate(),
                                  .captured_ns = acquired.captured_ns}));
-    buffer_ = nullptr;
-    notify_presenter();
-    return Step::Worked;
   }
   [[nodiscard]] Step begin_next_loop() {
     if (between_sequences_.load()) return Step::NoFrame;
-    if (frames_this_loop_ == 0) {
+    if (std::exchange(frames_this_loop_, 0) == 0) {
       // A source that can be repeated would be empty again; a ring waits for the next renderer.
       const bool another_may_come = options_.loops == kForever && !source_.rewind();
       if (!another_may_come) return end(State::Failed, "the sequence contains no frame");
-      between_sequences_.store(true);
-      notify_presenter();
-      return Step::NoFrame;
+    } else {
+      statistics_.loops.add();
+      if (statistics_.loops.get() == options_.loops) return end(State::Ended, "");
+      if (source_.rewind()) return Step::Worked;
+      if (options_.loops != kForever) return end(State::Failed, "the sequence cannot be repeated");
     }
-    frames_this_loop_ = 0;
-    statistics_.loops.add();
-    if (statistics_.loops.get() == options_.loops) return end(State::Ended, "");
-    if (source_.rewind()) return Step::Worked;
-    if (options_.loops != kForever) return end(State::Failed, "the sequence cannot be repeated");
     between_sequences_.store(true);
     notify_presenter();
     return Step::NoFrame;

@@ -690,76 +690,6 @@ bool take_real_time_priority() noexcept {
   return pthread_setschedparam(pthread_self(), SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0;
 }
 
-/// Threads owns the threads of one playback and ends them in its destructor.
-class Threads {
- public:
-  Threads(display::Display& display, frames::FrameSource& source, LiveStatistics& statistics,
-          const PlaybackOptions& options)
-      : statistics_(statistics),
-        own_copier_thread_(options.filling == Filling::OwnThread),
-        real_time_(options.real_time_priority),
-        frame_copier_(source, display, statistics.frame_copier, options),
-        presenter_(display, frame_copier_, statistics.presenter, options),
-        control_(options.control) {
-    if (control_ != nullptr) control_->attach(presenter_, frame_copier_, statistics_.presenter);
-  }
-  ~Threads() {
-    end();
-    if (control_ != nullptr) control_->detach();
-  }
-  Threads(const Threads&) = delete;
-  Threads& operator=(const Threads&) = delete;
-
-  /// Returns a descriptor that is readable when the presenter has finished.
-  [[nodiscard]] int over_fd() const noexcept { return over_.fd(); }
-  void request_stop() noexcept { presenter_.request_stop(); }
-
-  void start() {
-    if (own_copier_thread_) copier_thread_ = std::thread([this] { frame_copier_.run(); });
-    presenter_thread_ = std::thread([this] {
-      if (real_time_ && take_real_time_priority()) statistics_.presenter.real_time.set(1);
-      outcome_ = presenter_.run();
-      over_.signal();
-    });
-  }
-
-  /// Forgets the lost display's buffers. Call it after end(), before the display is opened again.
-  void forget_buffers() noexcept { frame_copier_.forget_buffers(); }
-  /// Starts the threads again after forget_buffers(), once the display is back.
-  void start_again() {
-    over_.drain();
-    presenter_.resume(frame_copier_.begin_again());
-    start();
-  }
-
-  /// Joins the threads; outcome() and failure() are final afterwards.
-  void end() noexcept {
-    presenter_.request_stop();
-    if (presenter_thread_.joinable()) presenter_thread_.join();
-    frame_copier_.request_stop();
-    if (copier_thread_.joinable()) copier_thread_.join();
-  }
-  void finish_statistics() noexcept { presenter_.finish_statistics(); }
-  [[nodiscard]] PlayOutcome outcome() const noexcept { return outcome_; }
-  [[nodiscard]] auto time_left() const noexcept { return presenter_.time_left(); }
-  [[nodiscard]] std::string failure() const {
-    return frame_copier_.state() == FrameCopier::State::Failed ? frame_copier_.failure()
-                                                               : std::string();
-  }
-
- private:
-  LiveStatistics& statistics_;
-  const bool own_copier_thread_;
-  const bool real_time_;
-  FrameCopier frame_copier_;
-  Presenter presenter_;
-  PlaybackControl* const control_;
-  WakeFd over_;
-  PlayOutcome outcome_ = PlayOutcome::Stopped;
-  std::thread copier_thread_;
-  std::thread presenter_thread_;
-};
-
 double measured_refresh_hz(const PresenterStatistics& statistics) {
   const uint64_t vblanks = statistics.last_sequence.get() - statistics.first_sequence.get();
   const uint64_t elapsed = statistics.last_vblank_ns.get() - statistics.first_vblank_ns.get();
@@ -818,88 +748,128 @@ void add_counters(const LiveStatistics& live, PlayReport& report) {
   report.copy = frame_copier.copy.summary();
 }
 
-class Reporter {
+/// Playback runs one playback: it owns the threads, watches over them and makes the reports.
+class Playback {
  public:
-  Reporter(const display::Display& display, const PlaybackOptions& options,
-           const LiveStatistics& live)
-      : live_(live), started_(options.started) {
+  Playback(display::Display& display, frames::FrameSource& source, const PlaybackOptions& options)
+      : display_(display),
+        source_(source),
+        options_(options),
+        frame_copier_(source, display, statistics_.frame_copier, options),
+        presenter_(display, frame_copier_, statistics_.presenter, options) {
     still_.source = options.source_name;
     still_.late = options.late;
-    look_at(display);
+    look_at_display();
+    if (options.control != nullptr)
+      options.control->attach(presenter_, frame_copier_, statistics_.presenter);
+  }
+  ~Playback() {
+    end_threads();
+    if (options_.control != nullptr) options_.control->detach();
+  }
+  Playback(const Playback&) = delete;
+  Playback& operator=(const Playback&) = delete;
+
+  /// Plays to the end, reconnecting the display whenever it is lost and can be reopened.
+  [[nodiscard]] PlayResult run() {
+    start_threads();
+    while (true) {
+      watch();
+      end_threads();
+      if (outcome_ != PlayOutcome::DisplayLost || !reconnects()) break;
+      look_at_display();
+      over_.drain();
+      presenter_.resume(frame_copier_.begin_again());
+      start_threads();
+    }
+    presenter_.finish_statistics();
+    const bool failed = frame_copier_.state() == FrameCopier::State::Failed;
+    return {.outcome = outcome_,
+            .failure = failed ? frame_copier_.failure() : std::string(),
+            .report = report_now(outcome_name(outcome_))};
   }
 
+ private:
+  void start_threads() {
+    if (options_.filling == Filling::OwnThread)
+      copier_thread_ = std::thread([this] { frame_copier_.run(); });
+    presenter_thread_ = std::thread([this] {
+      if (options_.real_time_priority && take_real_time_priority())
+        statistics_.presenter.real_time.set(1);
+      outcome_ = presenter_.run();
+      over_.signal();
+    });
+  }
+  /// Joins the threads; the outcome is final afterwards.
+  void end_threads() noexcept {
+    presenter_.request_stop();
+    if (presenter_thread_.joinable()) presenter_thread_.join();
+    frame_copier_.request_stop();
+    if (copier_thread_.joinable()) copier_thread_.join();
+  }
+  /// Waits for the presenter's end; forwards the stop request and sends reports.
+  void watch() {
+    const int turns_fd = options_.turns != nullptr ? options_.turns->fd() : -1;
+    pollfd entries[3] = {{.fd = over_.fd(), .events = POLLIN, .revents = 0},
+                         {.fd = options_.stop_fd, .events = POLLIN, .revents = 0},
+                         {.fd = turns_fd, .events = POLLIN, .revents = 0}};
+    auto next_report = SteadyClock::now() + kReportInterval;
+    while (true) {
+      const auto left = std::chrono::ceil<milliseconds>(next_report - SteadyClock::now());
+      (void)poll(entries, 3, static_cast<int>(std::max(milliseconds(0), left).count()));
+      if (entries[0].revents != 0) return;
+      if (entries[1].revents != 0) {
+        presenter_.request_stop();
+        entries[1].fd = -1;  // report the stop only once
+      }
+      if (entries[2].revents != 0 && options_.on_turn) options_.on_turn();
+      if (SteadyClock::now() < next_report) continue;
+      next_report = SteadyClock::now() + kReportInterval;
+      if (options_.on_report) options_.on_report(report_now("playing"));
+    }
+  }
+  /// Opens the lost display again. Returns false, with the outcome, if playback ends instead.
+  [[nodiscard]] bool reconnects() {
+    if (!options_.reconnect) return false;
+    frame_copier_.forget_buffers();
+    const PlayReport report = report_now(outcome_name(PlayOutcome::DisplayLost));
+    const ReconnectResult result = options_.reconnect(
+        {.report = report, .time_left = presenter_.time_left(), .serve_source = [this] {
+           source_.service();
+         }});
+    if (result == ReconnectResult::TimeOver) outcome_ = PlayOutcome::Finished;
+    if (result == ReconnectResult::Stopped) outcome_ = PlayOutcome::Stopped;
+    return result == ReconnectResult::Reconnected;
+  }
   /// Reads the display's mode; no other thread may use the display meanwhile.
-  void look_at(const display::Display& display) {
-    const display::DisplayMode& mode = display.mode();
+  void look_at_display() {
+    const display::DisplayMode& mode = display_.mode();
     still_.display = mode.name;
     still_.geometry = mode.geometry;
     still_.refresh = mode.refresh;
     still_.hardware_clock = mode.hardware_clock;
   }
-
-  [[nodiscard]] PlayReport now(const char* outcome) const {
+  [[nodiscard]] PlayReport report_now(const char* outcome) const {
     PlayReport report = still_;
     report.outcome = outcome;
-    add_counters(live_, report);
-    report.first_frame_ms = first_frame_ms(live_.presenter, started_);
+    add_counters(statistics_, report);
+    report.first_frame_ms = first_frame_ms(statistics_.presenter, options_.started);
     report.memory = read_resident_memory();
     return report;
   }
 
- private:
-  const LiveStatistics& live_;
-  SteadyClock::time_point started_;
+  display::Display& display_;
+  frames::FrameSource& source_;
+  const PlaybackOptions& options_;
+  LiveStatistics statistics_;
+  FrameCopier frame_copier_;
+  Presenter presenter_;
   PlayReport still_;  ///< constant fields
+  WakeFd over_;       ///< readable when the presenter has finished
+  PlayOutcome outcome_ = PlayOutcome::Stopped;
+  std::thread copier_thread_;
+  std::thread presenter_thread_;
 };
-
-/// Waits for the presenter's end; forwards the stop request and sends reports.
-void watch(Threads& threads, const Reporter& reporter, const PlaybackOptions& options) {
-  const int turns_fd = options.turns != nullptr ? options.turns->fd() : -1;
-  pollfd entries[3] = {{.fd = threads.over_fd(), .events = POLLIN, .revents = 0},
-                       {.fd = options.stop_fd, .events = POLLIN, .revents = 0},
-                       {.fd = turns_fd, .events = POLLIN, .revents = 0}};
-  auto next_report = SteadyClock::now() + kReportInterval;
-  while (true) {
-    const auto left = std::chrono::ceil<milliseconds>(next_report - SteadyClock::now());
-    (void)poll(entries, 3, static_cast<int>(std::max(milliseconds(0), left).count()));
-    if (entries[0].revents != 0) return;
-    if (entries[1].revents != 0) {
-      threads.request_stop();
-      entries[1].fd = -1;  // report the stop only once
-    }
-    if (entries[2].revents != 0 && options.on_turn) options.on_turn();
-    if (SteadyClock::now() < next_report) continue;
-    next_report = SteadyClock::now() + kReportInterval;
-    if (options.on_report) options.on_report(reporter.now("playing"));
-  }
-}
-
-ReconnectResult reconnect(const Threads& threads, const Reporter& reporter,
-                          frames::FrameSource& source, const PlaybackOptions& options) {
-  const PlayReport report = reporter.now(outcome_name(PlayOutcome::DisplayLost));
-  return options.reconnect({.report = report,
-                            .time_left = threads.time_left(),
-                            .serve_source = [&source] { source.service(); }});
-}
-
-/// Plays to the end, reconnecting the display whenever it is lost and can be reopened.
-PlayOutcome play_to_the_end(Threads& threads, Reporter& reporter, display::Display& display,
-                            frames::FrameSource& source, const PlaybackOptions& options) {
-  threads.start();
-  while (true) {
-    watch(threads, reporter, options);
-    threads.end();
-    if (threads.outcome() != PlayOutcome::DisplayLost) return threads.outcome();
-    if (!options.reconnect) return PlayOutcome::DisplayLost;
-    threads.forget_buffers();
-    const ReconnectResult result = reconnect(threads, reporter, source, options);
-    if (result == ReconnectResult::TimeOver) return PlayOutcome::Finished;
-    if (result == ReconnectResult::Stopped) return PlayOutcome::Stopped;
-    if (result == ReconnectResult::GivenUp) return PlayOutcome::DisplayLost;
-    reporter.look_at(display);
-    threads.start_again();
-  }
-}
 
 void check_sizes(const display::Display& display, const frames::FrameSource& source,
                  const std::string& name) {
@@ -1023,14 +993,7 @@ const char* outcome_name(PlayOutcome outcome) {
 PlayResult play(display::Display& display, frames::FrameSource& source,
                 const PlaybackOptions& options) {
   check_sizes(display, source, options.source_name);
-  LiveStatistics statistics;
-  Reporter reporter(display, options, statistics);
-  Threads threads(display, source, statistics, options);
-  const PlayOutcome outcome = play_to_the_end(threads, reporter, display, source, options);
-  threads.finish_statistics();
-  return {.outcome = outcome,
-          .failure = threads.failure(),
-          .report = reporter.now(outcome_name(outcome))};
+  return Playback(display, source, options).run();
 }
 
 }  // namespace lenticule::player
