@@ -54,9 +54,8 @@ struct StepAddress {
   StepEndpoint endpoint;
 };
 inline StepEndpoint endpoint_of(const sockaddr* address, socklen_t bytes) {
-  StepEndpoint endpoint;
+  StepEndpoint endpoint{.bytes = bytes};
   std::memcpy(&endpoint.address, address, bytes);
-  endpoint.bytes = bytes;
   return endpoint;
 }
 
@@ -104,15 +103,19 @@ class StepSocket {
     if (is_unix_ && leader) {
       fd_ = listening_.emplace(address.text, frames::ListenOptions{.type = SOCK_DGRAM}).fd();
     } else {
-      own_ = datagram_socket(address.endpoint.address.ss_family);
+      constexpr int kType = SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK;
+      own_ = UniqueFd(::socket(address.endpoint.address.ss_family, kType, 0));
+      check(static_cast<bool>(own_), "no socket");
       fd_ = own_.get();
-      if (leader) bind_to(own_, address.endpoint, address.text);
-      if (is_unix_) bind_to_any_name(own_);
+      if (leader) bind_to(address.endpoint, address.text);
+      // The kernel chooses the address of a follower's Unix socket.
+      const sockaddr any{.sa_family = AF_UNIX, .sa_data = {}};
+      if (is_unix_) check(::bind(fd_, &any, sizeof any.sa_family) == 0, "the socket gets no name");
     }
     const int on = 1;
-    if (is_unix_ && ::setsockopt(fd_, SOL_SOCKET, SO_PASSCRED, &on, sizeof on) != 0)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("--step: the kernel names no senders: {}", std::strerror(errno)));
+    if (is_unix_)
+      check(::setsockopt(fd_, SOL_SOCKET, SO_PASSCRED, &on, sizeof on) == 0,
+            "the kernel names no senders");
   }
 
   [[nodiscard]] int fd() const noexcept { return fd_; }
@@ -155,29 +158,18 @@ class StepSocket {
     return reinterpret_cast<const sockaddr*>(&endpoint.address);
   }
 
-  static UniqueFd datagram_socket(int family) {
-    UniqueFd fd(::socket(family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-    if (!fd)
-      throw Error(ErrorKind::Failed, fmt::format("--step: no socket: {}", std::strerror(errno)));
-    return fd;
+  static void check(bool done, const char* problem) {
+    if (done) return;
+    throw Error(ErrorKind::Failed, fmt::format("--step: {}: {}", problem, std::strerror(errno)));
   }
 
-  static void bind_to(const UniqueFd& fd, const StepEndpoint& endpoint, const std::string& text) {
-    if (::bind(fd.get(), generic(endpoint), endpoint.bytes) == 0) return;
+  void bind_to(const StepEndpoint& endpoint, const std::string& text) const {
+    if (::bind(fd_, generic(endpoint), endpoint.bytes) == 0) return;
     const bool taken = errno == EADDRINUSE;
     throw Error(ErrorKind::Device,
                 fmt::format("--step-address {}: cannot be bound: {}", text, std::strerror(errno)),
                 taken ? "stop the other leader, or use another port"
                       : "a leader needs an address of its own machine, or 0.0.0.0 for all of them");
-  }
-
-  /// Lets the kernel choose the address of a Unix socket.
-  static void bind_to_any_name(const UniqueFd& fd) {
-    sockaddr_un any{};
-    any.sun_family = AF_UNIX;
-    if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&any), sizeof any.sun_family) != 0)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("--step: the socket gets no name: {}", std::strerror(errno)));
   }
 
   /// Returns true if the kernel states that this user or root sent the datagram.

@@ -211,33 +211,24 @@ class StepMember {
   /// Handles a datagram. Returns the session of its sender if the message was accepted.
   std::optional<uint64_t> receive(std::span<const uint8_t> bytes, const StepNow& now) {
     const StepKey::Opened opened = identity_.key.open(bytes, identity_.group);
-    if (!opened.message) {
-      switch (opened.refusal) {
-        case StepKey::Refusal::Format:
-          ++counts_.refused_format;
-          break;
-        case StepKey::Refusal::Group:
-          ++counts_.refused_group;
-          break;
-        case StepKey::Refusal::Key:
-          ++counts_.refused_key;
-          break;
-      }
-      return std::nullopt;
-    }
-    if (opened.message->kind == kind_) {
-      ++counts_.refused_group;
+    if (!opened.message || opened.message->kind == kind_) {
+      using Refusal = StepKey::Refusal;
+      const Refusal refusal = opened.message ? Refusal::Group : opened.refusal;
+      ++(refusal == Refusal::Format  ? counts_.refused_format
+         : refusal == Refusal::Group ? counts_.refused_group
+                                     : counts_.refused_key);
       return std::nullopt;
     }
     StepPeer* const peer = peer_for(*opened.message, now);
-    if (peer == nullptr) {
-      ++counts_.refused_stranger;
-      return std::nullopt;
-    }
-    const StepVerdict verdict = peer->judge(*opened.message, now);
+    const StepVerdict verdict =
+        peer != nullptr ? peer->judge(*opened.message, now) : StepVerdict::Stranger;
     if (verdict == StepVerdict::Untimely) note_untimely(*opened.message, *peer, now);
     if (verdict == StepVerdict::Untimely || verdict == StepVerdict::Accepted) heard(*peer);
-    if (!count(verdict)) return std::nullopt;
+    ++(verdict == StepVerdict::Accepted   ? counts_.accepted
+       : verdict == StepVerdict::Replayed ? counts_.refused_replayed
+       : verdict == StepVerdict::Untimely ? counts_.refused_untimely
+                                          : counts_.refused_stranger);
+    if (verdict != StepVerdict::Accepted) return std::nullopt;
     return opened.message->session;
   }
   /// Returns the message for the peers; none if there is nothing to say. Call it ten times a
@@ -285,23 +276,6 @@ class StepMember {
   /// A message that differs this much from this machine's clock is a recording.
   static constexpr std::chrono::nanoseconds kRecording = std::chrono::seconds(10);
 
-  [[nodiscard]] bool count(StepVerdict verdict) {
-    switch (verdict) {
-      case StepVerdict::Accepted:
-        ++counts_.accepted;
-        return true;
-      case StepVerdict::Replayed:
-        ++counts_.refused_replayed;
-        return false;
-      case StepVerdict::Untimely:
-        ++counts_.refused_untimely;
-        return false;
-      case StepVerdict::Stranger:
-        ++counts_.refused_stranger;
-        return false;
-    }
-    return false;
-  }
   void note_untimely(const StepMessage& message, const StepPeer& peer, const StepNow& now) {
     untimely_age_ = peer.age();
     if (message.timeline && std::chrono::abs(peer.age()) < kRecording)
