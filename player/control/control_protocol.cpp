@@ -19,12 +19,13 @@ struct VerbRow {
   ControlVerb verb;
   const char* name;
   std::vector<std::string> fields;
+  const char* needed = nullptr;  ///< field without which the verb is refused
 };
 
 const std::vector<VerbRow>& verbs() {
   static const std::vector<VerbRow> table = {
       {ControlVerb::Status, "status", {}},
-      {ControlVerb::Load, "load", {"source", "item", "frame"}},
+      {ControlVerb::Load, "load", {"source", "item", "frame"}, "source"},
       {ControlVerb::Interrupt, "interrupt", {"source", "item", "frame", "seconds"}},
       {ControlVerb::Back, "back", {}},
       {ControlVerb::Blank, "blank", {}},
@@ -35,13 +36,13 @@ const std::vector<VerbRow>& verbs() {
       {ControlVerb::Seek, "seek", {"frame", "item"}},
       {ControlVerb::Next, "next", {}},
       {ControlVerb::Previous, "previous", {}},
-      {ControlVerb::Loop, "loop", {"count"}},
-      {ControlVerb::Speed, "speed", {"factor"}},
-      {ControlVerb::Power, "power", {"to"}},
-      {ControlVerb::Volume, "volume", {"db"}},
+      {ControlVerb::Loop, "loop", {"count"}, "count"},
+      {ControlVerb::Speed, "speed", {"factor"}, "factor"},
+      {ControlVerb::Power, "power", {"to"}, "to"},
+      {ControlVerb::Volume, "volume", {"db"}, "db"},
       {ControlVerb::Trim, "trim", {"offset", "pitch", "offset_by", "pitch_by"}},
-      {ControlVerb::Rig, "rig", {"toml"}},
-      {ControlVerb::Snapshot, "snapshot", {"file", "eye", "panel"}},
+      {ControlVerb::Rig, "rig", {"toml"}, "toml"},
+      {ControlVerb::Snapshot, "snapshot", {"file", "eye", "panel"}, "file"},
       {ControlVerb::Frame, "frame", {}},
       {ControlVerb::List, "list", {"item"}},
       {ControlVerb::Stats, "stats", {}},
@@ -61,10 +62,6 @@ constexpr double kMostSpeed = 8.0;
 
 [[noreturn]] void refuse(const std::string& what, const std::string& remedy = {}) {
   throw Error(ErrorKind::Usage, what, remedy);
-}
-
-std::string short_text(const std::string& text) {
-  return text.substr(0, kMaxIdBytes);
 }
 
 bool is_id(const json& id) {
@@ -158,30 +155,16 @@ void take_field(const std::string& field, const json& value, ControlRequest& req
 }
 
 /// Checks that the verb's required fields are present and that the given fields go together.
-void check_complete(const ControlRequest& request, const json& line) {
-  const auto needs = [&](const char* field) {
-    if (!line.contains(field)) refuse(fmt::format("{}: no {}", verb_name(request.verb), field));
-  };
+void check_complete(const VerbRow& row, const ControlRequest& request, const json& line) {
+  if (row.needed != nullptr && !line.contains(row.needed))
+    refuse(fmt::format("{}: no {}", row.name, row.needed));
   switch (request.verb) {
-    case ControlVerb::Load:
-      return needs("source");
     case ControlVerb::Interrupt:
     case ControlVerb::Cue:
       if (request.source.empty() == !request.item)
-        refuse(fmt::format("{}: expected either source or item", verb_name(request.verb)));
+        refuse(fmt::format("{}: expected either source or item", row.name));
       return;
-    case ControlVerb::Loop:
-      return needs("count");
-    case ControlVerb::Speed:
-      return needs("factor");
-    case ControlVerb::Power:
-      return needs("to");
-    case ControlVerb::Volume:
-      return needs("db");
-    case ControlVerb::Rig:
-      return needs("toml");
     case ControlVerb::Snapshot:
-      needs("file");
       if (request.file.front() != '/')
         refuse("file: not an absolute path", "the player's working folder may differ from yours");
       return;
@@ -198,15 +181,10 @@ void check_complete(const ControlRequest& request, const json& line) {
   }
 }
 
-std::string dump(const ordered_json& line) {
-  return json_text(line) + "\n";
-}
-
 }  // namespace
 
 const char* verb_name(ControlVerb verb) {
-  const auto row = std::find_if(verbs().begin(), verbs().end(),
-                                [&](const VerbRow& one) { return one.verb == verb; });
+  const auto row = std::ranges::find(verbs(), verb, &VerbRow::verb);
   return row != verbs().end() ? row->name : "?";
 }
 
@@ -219,25 +197,25 @@ ControlRequest parse_control_request(std::string_view text, json& id) {
   if (line.contains("id") && !is_id(line["id"])) refuse("id: not a whole number or a short string");
   if (!line.contains("do") || !line["do"].is_string()) refuse("do: missing, or not a string");
   const auto& name = line["do"].get_ref<const std::string&>();
-  const auto row = std::find_if(verbs().begin(), verbs().end(),
-                                [&](const VerbRow& one) { return one.name == name; });
-  if (row == verbs().end()) refuse(fmt::format("do: unknown verb '{}'", short_text(name)));
+  const auto row = std::ranges::find(verbs(), name, &VerbRow::name);
+  if (row == verbs().end())
+    refuse(fmt::format("do: unknown verb '{}'", name.substr(0, kMaxIdBytes)));
 
   ControlRequest request{.id = id, .verb = row->verb};
   for (const auto& [field, value] : line.items()) {
     if (field == "id" || field == "do") continue;
     if (std::find(row->fields.begin(), row->fields.end(), field) == row->fields.end())
-      refuse(fmt::format("{}: unknown field '{}'", name, short_text(field)));
+      refuse(fmt::format("{}: unknown field '{}'", name, field.substr(0, kMaxIdBytes)));
     take_field(field, value, request);
   }
-  check_complete(request, line);
+  check_complete(*row, request, line);
   return request;
 }
 
 std::string answer_line(const json& id, ordered_json body) {
   ordered_json line = {{"id", id}, {"ok", true}};
   line.update(body);
-  return dump(line);
+  return event_line(line);
 }
 
 std::string error_line(const json& id, const Error& error, bool conflict) {
@@ -252,11 +230,11 @@ std::string error_line(const json& id, const Error& error, bool conflict) {
                          {"remedy", error.hint()},
                          {"kind", static_cast<int>(error.kind())}}}};
   if (conflict) line["error"]["conflict"] = true;
-  return dump(line);
+  return event_line(line);
 }
 
 std::string event_line(const ordered_json& event) {
-  return dump(event);
+  return json_text(event) + "\n";
 }
 
 }  // namespace lenticule::player

@@ -65,6 +65,9 @@ class PlayControls final : public ControlTarget {
   void handle(const ControlRequest& request, ControlRights rights,
               std::function<void(ControlAnswer)> answer) override {
     const Jump aside{.item = request.verb == ControlVerb::Next ? 1 : -1, .relative = true};
+    const auto answer_later = [&](const std::function<ControlAnswer()>& work) {
+      work_on(answer, [work](const Answer& done) { done(work()); });
+    };
     switch (request.verb) {
       case ControlVerb::Status:
         return answer(status());
@@ -102,28 +105,29 @@ class PlayControls final : public ControlTarget {
         plan_.sound->set_volume(request.volume_db);
         return answer(ordered_json{{"db", request.volume_db}});
       case ControlVerb::Power:
-        return work_on(answer,
-                       [this, request](const Answer& done) { done(switch_output(request.on)); });
+        return answer_later([this, request] { return switch_output(request.on); });
       case ControlVerb::Loop:
         return answer(set_loops(request.loops));
       case ControlVerb::Trim:
-        return work_on(answer, [this, request](const Answer& done) { done(change_trim(request)); });
+        return answer_later([this, request] { return change_trim(request); });
       case ControlVerb::Rig:
-        return work_on(answer, [this, request](const Answer& done) { done(replace_rig(request)); });
+        return answer_later([this, request] { return replace_rig(request); });
       case ControlVerb::Snapshot:
         if (rights != ControlRights::Everything)
           throw Error(
               ErrorKind::Device,
               "snapshot: not permitted, because the file would be written as the player's user",
               "connect as the player's user, or as root");
-        return snapshot(request, answer);
+        frames::check_writable_format(request.file);
+        return answer_later([this, request] { return take_snapshot(request); });
       case ControlVerb::Frame:
-        return work_on(answer, [this](const Answer& done) { done(share_frame()); });
+        return answer_later([this] { return share_frame(); });
       case ControlVerb::List:
         return answer(list_json(*present_list(), request.item.value_or(0)));
       case ControlVerb::Quit:
         answer(ordered_json{{"quitting", true}});
-        return quit_in_good_order();
+        (void)::kill(::getpid(), SIGTERM);  // as Ctrl-C, to which every wait of the player reacts
+        return;
       case ControlVerb::Subscribe:
         break;
     }
@@ -153,8 +157,6 @@ class PlayControls final : public ControlTarget {
   static constexpr size_t kMaxTasks = 4;
   static constexpr auto kLongestSwitch = std::chrono::seconds(5);
 
-  /// Ends the process as Ctrl-C would; every wait of the player reacts to the signal.
-  static void quit_in_good_order() { (void)::kill(::getpid(), SIGTERM); }
   /// Returns the list in use; the caller holds the mutex. Throws Error(Failed) if there is none.
   [[nodiscard]] PlaylistSource& steered() const {
     if (source_ != nullptr) return *source_;
@@ -163,10 +165,14 @@ class PlayControls final : public ControlTarget {
   }
 
   static ordered_json place_json(const PlaylistStatus& status) {
-    ordered_json json = {{"list", status.list}, {"source", status.source}};
-    json["item"] = status.item ? ordered_json(*status.item) : ordered_json(nullptr);
-    json["items"] = status.items;
-    return json;
+    return {{"list", status.list},
+            {"source", status.source},
+            {"item", or_null(status.item)},
+            {"items", status.items}};
+  }
+  template <class Value>
+  static ordered_json or_null(const std::optional<Value>& value) {
+    return value ? ordered_json(*value) : ordered_json(nullptr);
   }
 
   /// Returns the index of the panel of a wall; none if the player shows one panel.
@@ -218,12 +224,12 @@ class PlayControls final : public ControlTarget {
       const PlaylistStatus status = source_->status();
       if (displayed.frames > 0) {
         const ItemAccount item = source_->account_of(play).value_or(ItemAccount{});
-        json["displayed"] = {{"source", item.source.text}, {"frame", displayed.number}};
-        json["displayed"]["item"] = item.index ? ordered_json(*item.index) : ordered_json(nullptr);
+        json["displayed"] = {{"source", item.source.text},
+                             {"frame", displayed.number},
+                             {"item", or_null(item.index)}};
       }
       json["reading"] = place_json(status);
-      json["reading"]["frames"] =
-          status.frames ? ordered_json(*status.frames) : ordered_json(nullptr);
+      json["reading"]["frames"] = or_null(status.frames);
       json["rounds_done"] = status.rounds_done;
       json["opening"] = status.opening;
       for (const auto& [key, text] :
@@ -266,9 +272,7 @@ class PlayControls final : public ControlTarget {
   [[nodiscard]] nlohmann::ordered_json set_loops(uint64_t loops) {
     const std::lock_guard lock(mutex_);
     steered().set_loops(loops);
-    ordered_json json;
-    json["count"] = loops == kForever ? ordered_json("forever") : ordered_json(loops);
-    return json;
+    return {{"count", loops_json(loops)}};
   }
   [[nodiscard]] nlohmann::ordered_json change_trim(const ControlRequest& request) {
     if (!plan_.trim) throw Error(ErrorKind::Failed, "trim: this player cannot change the trim");
@@ -419,18 +423,19 @@ class PlayControls final : public ControlTarget {
     const bool done = playback_.switch_output(on, kLongestSwitch);
     return {{"power", on ? "on" : "off"}, {"done", done}};
   }
-  void snapshot(const ControlRequest& request, const Answer& answer) {
-    frames::check_writable_format(request.file);
-    work_on(answer, [this, request](const Answer& done) { done(take_snapshot(request)); });
+  /// Copies the displayed frame, or one panel's part of it, and returns its place.
+  DisplayedPlace copy_displayed(const char* verb, frames::WovenFrame& into, size_t part = 0) {
+    const DisplayedPlace place = playback_.displayed();
+    if (!playback_.copy_shown(into, part))
+      throw Error(ErrorKind::Failed, fmt::format("{}: the displayed frame is not in memory", verb),
+                  "if the source keeps few frames, play with more --slots");
+    return place;
   }
   [[nodiscard]] nlohmann::ordered_json take_snapshot(const ControlRequest& request) {
     const std::vector<WallPart>& wall = plan_.context.wall;
     const std::optional<size_t> part = part_for(request.panel, wall);
     frames::WovenFrame displayed(part ? wall[*part].panel : plan_.context.panel);
-    const DisplayedPlace place = playback_.displayed();
-    if (!playback_.copy_shown(displayed, part.value_or(0)))
-      throw Error(ErrorKind::Failed, "snapshot: the displayed frame is not in memory",
-                  "if the source keeps few frames, play with more --slots");
+    const DisplayedPlace place = copy_displayed("snapshot", displayed, part.value_or(0));
     if (request.eye_mm) {
       const optics::Rig rig = part ? wall[*part].rig : plan_.trim->rig();
       displayed = seen_by(rig, displayed, *request.eye_mm);
@@ -445,10 +450,7 @@ class PlayControls final : public ControlTarget {
   [[nodiscard]] DescriptorAnswer share_frame() {
     if (!plan_.trim) throw Error(ErrorKind::Failed, "frame: this player has no rig");
     frames::WovenFrame displayed(plan_.context.panel);
-    const DisplayedPlace place = playback_.displayed();
-    if (!playback_.copy_shown(displayed))
-      throw Error(ErrorKind::Failed, "frame: the displayed frame is not in memory",
-                  "if the source keeps few frames, play with more --slots");
+    const DisplayedPlace place = copy_displayed("frame", displayed);
     const std::string rig = optics::rig_to_toml(plan_.trim->rig());
     if (!frame_memory_) frame_memory_ = std::make_unique<FrameMemory>(plan_.context.panel);
     const uint64_t serial = frame_memory_->write(displayed, rig);
@@ -726,8 +728,7 @@ class SteeredPlay {
         return publish({{"event", "seam"}, {"source", event.source}});
       case Kind::Waiting:
         publish({{"event", "waiting"}, {"source", event.source}, {"cause", event.detail}});
-        say("{}: {}\n", event.source, event.detail);
-        return;
+        return say("{}: {}\n", event.source, event.detail);
       case Kind::ItemDamaged:
         publish({{"event", "damaged_item"}, {"source", event.source}, {"cause", event.detail}});
         return complain("damaged", event);
