@@ -65,14 +65,15 @@ class Digest {
   uint64_t bytes_ = 0;
 };
 
-/// Adds bytes of a file; returns false if the file ends before.
-bool add_bytes(Digest& digest, int fd, uint64_t from, uint64_t count,
+/// Adds bytes of a file; returns false if that was ended. Throws Error(Input) if the file is
+/// shorter.
+bool add_bytes(Digest& digest, const std::string& file, int fd, uint64_t from, uint64_t count,
                const std::atomic<bool>& ending) {
   std::vector<uint8_t> piece(std::min<uint64_t>(kPiece, count));
   while (count > 0 && !ending.load()) {
     const ssize_t got = ::pread(fd, piece.data(), std::min<uint64_t>(piece.size(), count),
                                 static_cast<off_t>(from));
-    if (got <= 0) return false;
+    if (got <= 0) throw Error(ErrorKind::Input, file + ": cannot read the whole file");
     digest.add(std::span(piece).first(static_cast<size_t>(got)));
     from += static_cast<uint64_t>(got);
     count -= static_cast<uint64_t>(got);
@@ -80,17 +81,10 @@ bool add_bytes(Digest& digest, int fd, uint64_t from, uint64_t count,
   return count == 0;
 }
 
-[[noreturn]] void fail_to_read(const std::string& file) {
-  throw Error(ErrorKind::Input, file + ": cannot read the whole file");
-}
-
 std::string hash_of_file(const std::string& file, const std::atomic<bool>& ending, uint64_t speed) {
   const OpenedFile opened = open_regular_file(file, kAnySize);
   Digest digest(speed);
-  if (!add_bytes(digest, opened.descriptor.get(), 0, opened.bytes, ending)) {
-    if (ending.load()) return {};
-    fail_to_read(file);
-  }
+  if (!add_bytes(digest, file, opened.descriptor.get(), 0, opened.bytes, ending)) return {};
   return "sha256:" + digest.hex();
 }
 
@@ -100,14 +94,11 @@ std::string hash_of_sequence(const std::string& file, const std::atomic<bool>& e
   const int fd = opened.descriptor.get();
   const frames::SequenceLayout layout = frames::read_sequence_layout(fd, file);
   Digest digest(speed);
-  if (!add_bytes(digest, fd, 0, layout.header.data_begin(), ending) && !ending.load())
-    fail_to_read(file);
+  if (!add_bytes(digest, file, fd, 0, layout.header.data_begin(), ending)) return {};
   const uint64_t head_bytes = frames::kFrameHeaderBytes + layout.header.table_bytes();
   for (const uint64_t offset : layout.frames) {
     digest.add_number(offset);  // 0 for a damaged frame, which has no table
-    if (offset != 0 && !add_bytes(digest, fd, offset, head_bytes, ending) && !ending.load())
-      fail_to_read(file);
-    if (ending.load()) return {};
+    if (offset != 0 && !add_bytes(digest, file, fd, offset, head_bytes, ending)) return {};
   }
   return "lts-sha256:" + digest.hex();
 }
@@ -136,19 +127,6 @@ std::string content_hash(const SourceSpec& source, const std::atomic<bool>& endi
              : hash_of_file(files.front(), ending, most_bytes_per_second);
 }
 
-namespace {
-
-/// Returns the hash; empty for files that cannot be read, which the player reports when it plays.
-std::string hash_if_readable(const SourceSpec& source, const std::atomic<bool>& ending) {
-  try {
-    return content_hash(source, ending, kBackgroundBytesPerSecond);
-  } catch (const std::exception&) {
-    return {};
-  }
-}
-
-}  // namespace
-
 // --- ContentHashes --------------------------------------------------------------------------
 
 struct ContentHashes::Shared {
@@ -156,29 +134,30 @@ struct ContentHashes::Shared {
     std::vector<FileMark> files;
     std::string hash;
   };
-  void look(const SourceSpec& source, const std::atomic<bool>& ending);
+  void look(const SourceSpec& source, const std::atomic<bool>& ending) {
+    Known now{.files = marks_of_source(source), .hash = {}};
+    if (now.files.empty()) return;
+    {
+      const std::lock_guard lock(mutex);
+      if (known.size() >= kMostRemembered) known.clear();
+      Known& one = known[source.text];
+      if (one.files == now.files) return;
+      one = now;
+    }
+    try {
+      now.hash = content_hash(source, ending, kBackgroundBytesPerSecond);
+    } catch (const std::exception&) {
+      now.hash.clear();  // the player reports files that cannot be read when it plays them
+    }
+    // Files that changed meanwhile are read again with the next request.
+    if (marks_of_source(source) != now.files) now = {};
+    const std::lock_guard lock(mutex);
+    known[source.text] = std::move(now);
+  }
 
   std::mutex mutex;  ///< guards the members below
   std::map<std::string, Known> known;
 };
-
-void ContentHashes::Shared::look(const SourceSpec& source, const std::atomic<bool>& ending) {
-  const std::vector<FileMark> files = marks_of_source(source);
-  if (files.empty()) return;
-  {
-    const std::lock_guard lock(mutex);
-    if (known.size() >= kMostRemembered) known.clear();
-    Known& one = known[source.text];
-    if (one.files == files) return;
-    one = {.files = files, .hash = {}};
-  }
-  const std::string hash = hash_if_readable(source, ending);
-  const bool unchanged = marks_of_source(source) == files;
-  const std::lock_guard lock(mutex);
-  Known& one = known[source.text];
-  // Files that changed meanwhile are read again with the next request.
-  one = unchanged ? Known{.files = files, .hash = hash} : Known{};
-}
 
 ContentHashes::ContentHashes() : shared_(std::make_shared<Shared>()), worker_(kMostWaiting, true) {}
 

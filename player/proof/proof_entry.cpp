@@ -39,11 +39,12 @@ constexpr std::array kTexts = std::to_array<Text>({
     {"LENTICULE_EXACTNESS", &ProofEntry::exactness, kMaxTextBytes},
 });
 
-struct Count {
+template <class Value>
+struct Number {
   const char* name;
-  uint64_t ProofEntry::*member;
+  Value ProofEntry::*member;
 };
-constexpr std::array kCounts = std::to_array<Count>({
+constexpr std::array kCounts = std::to_array<Number<uint64_t>>({
     {"LENTICULE_TURN", &ProofEntry::turn},
     {"LENTICULE_FRAMES_SHOWN", &ProofEntry::frames},
     {"LENTICULE_FRAMES_UNSEEN", &ProofEntry::unseen},
@@ -54,26 +55,14 @@ constexpr std::array kCounts = std::to_array<Count>({
     {"LENTICULE_PROCESS_START", &ProofEntry::process_start},
 });
 
-struct Time {
-  const char* name;
-  int64_t ProofEntry::*member;
-};
-constexpr std::array kTimes = std::to_array<Time>({
+constexpr std::array kTimes = std::to_array<Number<int64_t>>({
     {"LENTICULE_FROM_USEC", &ProofEntry::from_us},
     {"LENTICULE_UNTIL_USEC", &ProofEntry::until_us},
 });
 constexpr const char* kEventField = "LENTICULE_EVENT";
 
 const char* name_of(Event event) {
-  return std::find_if(kEvents.begin(), kEvents.end(),
-                      [&](const auto& e) { return e.first == event; })
-      ->second;
-}
-
-std::optional<Event> event_of(std::string_view name) {
-  for (const auto& [event, known] : kEvents)
-    if (name == known) return event;
-  return std::nullopt;
+  return std::ranges::find(kEvents, event, &std::pair<Event, const char*>::first)->second;
 }
 
 /// Cuts a text to the length that the parser accepts.
@@ -99,7 +88,7 @@ bool is_plausible(const ProofEntry& entry) {
   const bool times =
       entry.from_us > 0 && entry.from_us <= entry.until_us && entry.until_us < kLastTime;
   bool counts = entry.turn > 0;
-  for (const Count& count : kCounts) counts = counts && entry.*count.member <= kMaxCount;
+  for (const auto& count : kCounts) counts = counts && entry.*count.member <= kMaxCount;
   return times && counts && is_session(entry.session) && !entry.item.empty() &&
          !entry.panel.empty() && !entry.exactness.empty();
 }
@@ -123,9 +112,9 @@ std::vector<std::string> journal_fields(const ProofEntry& entry) {
     if (!(entry.*text.member).empty())
       fields.push_back(
           fmt::format("{}={}", text.name, within(entry.*text.member, text.most_bytes)));
-  for (const Count& count : kCounts)
+  for (const auto& count : kCounts)
     fields.push_back(fmt::format("{}={}", count.name, entry.*count.member));
-  for (const Time& time : kTimes)
+  for (const auto& time : kTimes)
     fields.push_back(fmt::format("{}={}", time.name, entry.*time.member));
   return fields;
 }
@@ -133,28 +122,29 @@ std::vector<std::string> journal_fields(const ProofEntry& entry) {
 std::vector<const char*> proof_field_names() {
   std::vector<const char*> names = {kEventField};
   for (const Text& text : kTexts) names.push_back(text.name);
-  for (const Count& count : kCounts) names.push_back(count.name);
-  for (const Time& time : kTimes) names.push_back(time.name);
+  for (const auto& count : kCounts) names.push_back(count.name);
+  for (const auto& time : kTimes) names.push_back(time.name);
   return names;
 }
 
 std::optional<ProofEntry> parse_proof_entry(const std::vector<std::string_view>& fields) {
   ProofEntry entry;
-  const auto event = event_of(value_of(fields, kEventField).value_or(""));
-  if (!event) return std::nullopt;
-  entry.event = *event;
+  const std::string_view name = value_of(fields, kEventField).value_or("");
+  const auto event = std::ranges::find(kEvents, name, &std::pair<Event, const char*>::second);
+  if (event == kEvents.end()) return std::nullopt;
+  entry.event = event->first;
   entry.exactness.clear();
   for (const Text& text : kTexts) {
     const std::string_view value = value_of(fields, text.name).value_or("");
     if (value.size() > text.most_bytes) return std::nullopt;
     entry.*text.member = value;
   }
-  for (const Count& count : kCounts) {
+  for (const auto& count : kCounts) {
     const auto value = number_from<uint64_t>(value_of(fields, count.name).value_or(""));
     if (!value) return std::nullopt;
     entry.*count.member = *value;
   }
-  for (const Time& time : kTimes) {
+  for (const auto& time : kTimes) {
     const auto value = number_from<int64_t>(value_of(fields, time.name).value_or(""));
     if (!value) return std::nullopt;
     entry.*time.member = *value;

@@ -223,16 +223,14 @@ class ProofOfPlay {
   std::optional<OpenTurn> open_;
 };
 
-/// Returns the function for ProofOptions::real_time of a display whose clock is CLOCK_MONOTONIC.
-[[nodiscard]] inline std::function<int64_t(uint64_t)> monotonic_to_real_time() {
-  return [](uint64_t display_ns) {
-    using std::chrono::duration_cast;
-    using std::chrono::microseconds;
-    const auto real = std::chrono::system_clock::now().time_since_epoch();
-    const auto since =
-        std::chrono::steady_clock::now().time_since_epoch() - std::chrono::nanoseconds(display_ns);
-    return duration_cast<microseconds>(real).count() - duration_cast<microseconds>(since).count();
-  };
+/// Returns ProofOptions::real_time for a display whose clock is CLOCK_MONOTONIC.
+[[nodiscard]] inline int64_t monotonic_to_real_time(uint64_t display_ns) {
+  using std::chrono::duration_cast;
+  using std::chrono::microseconds;
+  const auto real = std::chrono::system_clock::now().time_since_epoch();
+  const auto since =
+      std::chrono::steady_clock::now().time_since_epoch() - std::chrono::nanoseconds(display_ns);
+  return duration_cast<microseconds>(real).count() - duration_cast<microseconds>(since).count();
 }
 
 /// PlayProof connects the proof of play of a run with its playbacks and the journal.
@@ -247,7 +245,7 @@ class PlayProof {
                 .account = std::move(account),
                 .begin_hash = [this](const SourceSpec& source) { hashes_.request(source); },
                 .hash = [this](const SourceSpec& source) { return hashes_.of(source); },
-                .real_time = monotonic_to_real_time()}) {}
+                .real_time = monotonic_to_real_time}) {}
 
   /// Sets the options of a playback whose items are recorded.
   void prepare(PlaybackOptions& options) { options.turns = &turns_.emplace(); }

@@ -2,6 +2,7 @@
 #include "player/proof/proof_report.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <grp.h>
 #include <systemd/sd-id128.h>
 #include <systemd/sd-journal.h>
@@ -121,11 +122,6 @@ size_t width_of(const std::string& text) {
 
 constexpr size_t kFirstNumber = 2, kLastNumber = 7;  // these columns are aligned to the right
 
-Cells heading() {
-  return {"day",    "item",    "plays",     "whole", "interrupted", "frames",
-          "missed", "damaged", "exactness", "panel", "unit"};
-}
-
 Cells cells_of(const ReportRow& row) {
   Cells cells = {row.day, escaped(row.item)};
   for (const uint64_t number :
@@ -175,12 +171,6 @@ std::string csv_cell(const std::string& value) {
   return quoted + '"';
 }
 
-std::string joined(const std::set<std::string>& texts) {
-  std::string all;
-  for (const std::string& text : texts) all += (all.empty() ? "" : " ") + text;
-  return all;
-}
-
 ordered_json counts_of(const ReportRow& row) {
   return {{"plays", row.plays()},   {"whole", row.whole},        {"interrupted", row.interrupted},
           {"frames", row.frames},   {"unseen", row.unseen},      {"missed", row.missed},
@@ -217,7 +207,8 @@ std::string table_text(const ProofSummary& summary) {
     return "no plays are recorded for this time\n";
   std::string text;
   if (!summary.rows.empty()) {
-    std::vector<Cells> rows = {heading()};
+    std::vector<Cells> rows = {{"day", "item", "plays", "whole", "interrupted", "frames", "missed",
+                                "damaged", "exactness", "panel", "unit"}};
     for (const ReportRow& row : summary.rows) rows.push_back(cells_of(row));
     ReportRow total = summary.total;
     total.day = "total";
@@ -238,9 +229,9 @@ std::string csv_text(const ProofSummary& summary) {
       "day,item,hashes,plays,whole,interrupted,frames,unseen,missed,damaged,exactness,panel,unit\n";
   for (const ReportRow& row : summary.rows)
     text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{}\n", row.day, csv_cell(row.item),
-                        csv_cell(joined(row.hashes)), row.plays(), row.whole, row.interrupted,
-                        row.frames, row.unseen, row.missed, row.damaged, csv_cell(row.exactness),
-                        csv_cell(row.panel), csv_cell(row.unit));
+                        csv_cell(fmt::format("{}", fmt::join(row.hashes, " "))), row.plays(),
+                        row.whole, row.interrupted, row.frames, row.unseen, row.missed, row.damaged,
+                        csv_cell(row.exactness), csv_cell(row.panel), csv_cell(row.unit));
   return text;
 }
 
