@@ -111,12 +111,6 @@ class PanelWait {
   /// A display that worked for this long counts as recovered.
   static constexpr Nanoseconds kSound = std::chrono::seconds(10);
 
-  static display::KmsOptions with_services(display::KmsOptions options) {
-    if (!options.clock) options.clock = display::make_monotonic_clock();
-    if (!options.session) options.session = display::make_direct_session();
-    return options;
-  }
-
   /// Returns options for a test card: a card is not left on the panel for a successor.
   static display::KmsOptions for_cards(display::KmsOptions options) {
     if (options.exit == display::ExitPolicy::Hold) options.exit = display::ExitPolicy::Black;
@@ -125,7 +119,8 @@ class PanelWait {
   }
 
   static PanelWaitOptions complete(PanelWaitOptions options) {
-    options.kms = with_services(std::move(options.kms));
+    if (!options.kms.clock) options.kms.clock = display::make_monotonic_clock();
+    if (!options.kms.session) options.kms.session = display::make_direct_session();
     return options;
   }
 
@@ -133,20 +128,8 @@ class PanelWait {
     return duration && *duration < kForEver - now ? now + *duration : kForEver;
   }
 
-  /// Returns true if the requested panel is missing and another one can show the card.
-  static bool deserves_a_card(const PanelSearch& search) {
-    return !search.found && !search.present.empty();
-  }
-
-  class CardOff {
-   public:
-    explicit CardOff(PanelCard& card) : card_(card) {}
-    ~CardOff() { card_.close(); }
-    CardOff(const CardOff&) = delete;
-    CardOff& operator=(const CardOff&) = delete;
-
-   private:
-    PanelCard& card_;
+  struct CardOff {
+    void operator()(PanelCard* card) const { card->close(); }
   };
   using Attempt = std::function<void()>;
 
@@ -154,7 +137,7 @@ class PanelWait {
   /// when it returns.
   void try_until(display::Nanoseconds give_up, const Attempt& attempt,
                  const std::function<void()>& meanwhile) {
-    const CardOff card_off(card_);
+    const std::unique_ptr<PanelCard, CardOff> card_off(&card_);
     const Nanoseconds card_from = now() + kCardAfter;
     PanelSearch search{.found = true};
     int rounds_to_look = 0;
@@ -192,7 +175,7 @@ class PanelWait {
     }
   }
   void show_card(const display::PanelSearch& search) {
-    if (!deserves_a_card(search)) return card_.close();
+    if (search.found || search.present.empty()) return card_.close();
     const display::PanelInfo& panel = search.present.front();
     (void)card_.show(panel, wrong_panel_card(options_.kms.output, search, panel, options_.rig));
   }

@@ -2,7 +2,6 @@
 #include "player/session/play_plan.h"
 
 #include <fmt/format.h>
-#include <poll.h>
 
 #include <algorithm>
 #include <cmath>
@@ -21,20 +20,23 @@
 namespace lenticule::player {
 namespace {
 
+[[noreturn]] void refuse_flag(const std::string& what, const std::string& hint) {
+  throw Error(ErrorKind::Usage, what, hint);
+}
+
 // plan_wall plans how one player shows the panels of a wall that are connected to one graphics
 // card: each plays its own film, and one commit changes all of them.
 
 /// Drivers accept buffers of at most this width: one row of panels ends there.
 constexpr int kWidestRow = 16384;
 
-void refuse_flags(const PlayFlags& flags, const PlayPlan& plan) {
-  const auto refuse = [](const std::string& flag) {
-    throw Error(ErrorKind::Usage, flag + ": needs one rig, and a wall has several",
-                "use a player for each panel: --rig, and --step for the same moment");
-  };
-  if (!flags.rig_store.empty()) refuse("--rig-store");
-  if (flags.trim) refuse("--trim");
-  if (plan.window) refuse("--display window");
+void refuse_flags_of_one_rig(const PlayFlags& flags, const PlayPlan& plan) {
+  for (const auto& [flag, is_set] :
+       {std::pair("--rig-store", !flags.rig_store.empty()), std::pair("--trim", flags.trim),
+        std::pair("--display window", plan.window)})
+    if (is_set)
+      refuse_flag(std::string(flag) + ": needs one rig, and a wall has several",
+                  "use a player for each panel: --rig, and --step for the same moment");
 }
 
 void require_equal_bits(const optics::PlacedPanel& a, const optics::PlacedPanel& b) {
@@ -71,7 +73,7 @@ class BufferLayout {
 /// Reads the wall of `flags` with its rigs, and sets source and display of the plan. Throws
 /// Error(Usage) for flags that need one rig, Error(Input) for files that are not valid.
 void plan_wall(const PlayFlags& flags, PlayPlan& plan) {
-  refuse_flags(flags, plan);
+  refuse_flags_of_one_rig(flags, plan);
   const optics::PlacedWall wall = optics::load_wall(flags.wall);
   BufferLayout buffer;
   for (const optics::PlacedPanel& panel : wall.panels) {
@@ -117,7 +119,7 @@ uint64_t parse_loops(const PlayFlags& flags, SourceKind kind) {
   if (flags.loop.empty()) return until_closed || is_looked_at ? kForever : 1;
   if (flags.loop == "forever") return kForever;
   if (const auto loops = number_from<uint64_t>(flags.loop); loops && *loops > 0) return *loops;
-  throw Error(ErrorKind::Usage, fmt::format("--loop '{}': not a number of loops", flags.loop),
+  refuse_flag(fmt::format("--loop '{}': not a number of loops", flags.loop),
               "write a number of 1 or more, or forever");
 }
 
@@ -136,7 +138,7 @@ std::optional<std::chrono::nanoseconds> parse_wait(const char* flag, const std::
   if (text == "forever") return std::nullopt;
   const auto seconds = number_from<uint32_t>(text);
   if (seconds && *seconds >= least) return std::chrono::seconds(*seconds);
-  throw Error(ErrorKind::Usage, fmt::format("{} '{}': not a number of seconds", flag, text),
+  refuse_flag(fmt::format("{} '{}': not a number of seconds", flag, text),
               fmt::format("write a number of {} or more, or forever", least));
 }
 
@@ -149,20 +151,19 @@ display::ExitPolicy exit_policy(const std::string& on_exit, bool service) {
 /// Returns the virtual display that a window shows.
 std::string virtual_display_of_window(const PlayFlags& flags) {
   if (!flags.record.empty())
-    throw Error(ErrorKind::Usage, "--record: a window is not recorded", "use --display virtual");
+    refuse_flag("--record: a window is not recorded", "use --display virtual");
   if (flags.clock != "real")
-    throw Error(ErrorKind::Usage, "--clock: a window shows frames in real time",
-                "use --display virtual");
+    refuse_flag("--clock: a window shows frames in real time", "use --display virtual");
   return "virtual" + flags.display.substr(kWindow.size());
 }
 
 /// Returns the options of a KMS display other than its name.
 display::KmsOptions kms_options(const PlayFlags& flags, bool service) {
   if (!flags.record.empty())
-    throw Error(ErrorKind::Usage, "--record: a graphics card does not report what it displayed",
+    refuse_flag("--record: a graphics card does not report what it displayed",
                 "use --display virtual");
   if (flags.clock != "real")
-    throw Error(ErrorKind::Usage, "--clock: cannot be set for a panel, which has its own clock",
+    refuse_flag("--clock: cannot be set for a panel, which has its own clock",
                 "use --display virtual");
   display::KmsOptions options;
   options.exit = exit_policy(flags.on_exit, service);
@@ -177,18 +178,16 @@ int slots_of(const PlayFlags& flags, frames::FrameGeometry panel) {
   const auto bytes = static_cast<uint64_t>(*flags.memory_mib) << 20;
   const uint64_t slots = bytes / 3 / panel.frame_bytes();
   if (slots >= 2) return static_cast<int>(std::min<uint64_t>(slots, 4096));
-  throw Error(
-      ErrorKind::Usage,
+  refuse_flag(
       fmt::format("--memory {}: less than two frames for each of three sources", *flags.memory_mib),
       fmt::format("use at least {} for this panel", (panel.frame_bytes() * 6 >> 20) + 1));
 }
 
 void plan_control(const PlayFlags& flags, PlayPlan& plan) {
   if (!flags.control_group.empty() && flags.control.empty())
-    throw Error(ErrorKind::Usage, "--control-group: has no effect without a control socket",
-                "add --control");
+    refuse_flag("--control-group: has no effect without a control socket", "add --control");
   if (!flags.control.empty() && flags.clock == "simulated")
-    throw Error(ErrorKind::Usage, "--control: cannot be combined with --clock simulated",
+    refuse_flag("--control: cannot be combined with --clock simulated",
                 "leave out --clock simulated");
   if (!flags.control_group.empty()) plan.control_group = group_named(flags.control_group);
 }
@@ -199,46 +198,42 @@ void plan_proof(const PlayFlags& flags, bool service, PlayPlan& plan) {
   plan.proof = flags.proof.empty() ? service : flags.proof == "journal";
   if (!plan.proof || flags.clock != "simulated") return;
   if (!flags.proof.empty())
-    throw Error(ErrorKind::Usage, "--proof journal: cannot be combined with --clock simulated",
+    refuse_flag("--proof journal: cannot be combined with --clock simulated",
                 "leave out --clock simulated");
   plan.proof = false;
 }
 
-[[noreturn]] void refuse_step(const std::string& what, const std::string& hint) {
-  throw Error(ErrorKind::Usage, what, hint);
-}
-
 void check_step_flags(const PlayFlags& flags, SourceKind kind) {
   if (flags.leader == flags.follow)
-    refuse_step("--step: needs either --leader or --follow",
+    refuse_flag("--step: needs either --leader or --follow",
                 "use --leader for one player of the group and --follow for the others");
   if (flags.step_address.empty())
-    refuse_step("--step-address: missing", "give all players of the group the leader's address");
+    refuse_flag("--step-address: missing", "give all players of the group the leader's address");
   const bool named =
       flags.step.size() <= kStepNameBytes && flags.step.find_first_not_of(
                                                  "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRST"
                                                  "UVWXYZ0123456789._-") == std::string::npos;
   if (!named)
-    refuse_step(fmt::format("--step '{}': not the name of a group", flags.step),
+    refuse_flag(fmt::format("--step '{}': not the name of a group", flags.step),
                 fmt::format("use at most {} letters, digits, '.', '_' and '-'", kStepNameBytes));
   const bool is_list = kind == SourceKind::List;
   if (is_list || kind == SourceKind::Ring || kind == SourceKind::Live)
-    refuse_step(fmt::format("--step: {} is a {}, whose frames have no common numbers", flags.source,
+    refuse_flag(fmt::format("--step: {} is a {}, whose frames have no common numbers", flags.source,
                             is_list                    ? "list"
                             : kind == SourceKind::Ring ? "ring"
                                                        : "camera"),
                 "play one film or one pattern of pictures on all players");
   if (flags.clock == "simulated")
-    refuse_step("--step: cannot be combined with --clock simulated", "leave out --clock simulated");
+    refuse_flag("--step: cannot be combined with --clock simulated", "leave out --clock simulated");
   if (flags.late == "hold")
-    refuse_step("--late hold: cannot be combined with --step, which leaves out late frames",
+    refuse_flag("--late hold: cannot be combined with --step, which leaves out late frames",
                 "leave out --late");
 }
 
 void plan_step(const PlayFlags& flags, PlayPlan& plan) {
   if (flags.step.empty()) {
     if (flags.leader || flags.follow || !flags.step_address.empty() || !flags.step_key.empty())
-      refuse_step("--leader, --follow, --step-address and --step-key: no effect without a group",
+      refuse_flag("--leader, --follow, --step-address and --step-key: no effect without a group",
                   "add --step GROUP");
     return;
   }
@@ -250,7 +245,7 @@ void plan_step(const PlayFlags& flags, PlayPlan& plan) {
   if (!flags.step_key.empty())
     step.key = read_step_key(flags.step_key);
   else if (!step.address.is_unix)
-    refuse_step("--step-key: missing; messages over a network need a key",
+    refuse_flag("--step-key: missing; messages over a network need a key",
                 "head -c 32 /dev/urandom > step.key; chmod 600 step.key; copy it to each machine");
   plan.playback.late = LatePolicy::Drop;
 }
@@ -262,7 +257,7 @@ void plan_sound(const PlayFlags& flags, PlayPlan& plan) {
   const bool seen = display::is_kms_spec(flags.display) || plan.window;
   options.device = !flags.sound_device.empty() ? flags.sound_device : seen ? "auto" : "none";
   if (options.simulated && options.device != "none" && !options.device.starts_with("file:"))
-    throw Error(ErrorKind::Usage, "--sound-device: a device plays in real time",
+    refuse_flag("--sound-device: a device plays in real time",
                 "use --sound-device file:OUT.wav with --clock simulated");
   options.delay = std::chrono::microseconds(std::llround(flags.sound_delay_ms.value_or(0.0) * 1e3));
   if (!flags.sound.empty() && flags.sound != "none" && !mark_of(flags.sound).there)
@@ -270,7 +265,7 @@ void plan_sound(const PlayFlags& flags, PlayPlan& plan) {
                 "name a file with sound, or none");
   const bool silent_list = plan.source.kind == SourceKind::List && !flags.sound.empty();
   if (silent_list && flags.sound != "none")
-    throw Error(ErrorKind::Usage, "--sound: items of a list have their own sound",
+    refuse_flag("--sound: items of a list have their own sound",
                 "write sound = \"FILE\" to the item, or use --sound none");
   if (flags.preflight || silent_list) options.device = "none";
   plan.sound = std::make_shared<SoundPlayer>(std::move(options));
@@ -283,8 +278,7 @@ void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   ContentFlags layout = source.content;
   if (names_folder(source.text)) layout.reweave = false;  // for all of its files
   if (layout != ContentFlags{} && !source.takes_layout())
-    throw Error(ErrorKind::Usage,
-                fmt::format("{}: flags for the layout of views need a single file", source.text),
+    refuse_flag(fmt::format("{}: flags for the layout of views need a single file", source.text),
                 "items of a list have keys for it: grid = \"8x6\", stereo = \"sbs\" "
                 "(docs/play/control.md)");
   (void)weave_options(flags.weaving);  // called early for its errors
@@ -331,13 +325,13 @@ std::string rig_file_of(const PlayFlags& flags, PlayPlan& plan) {
 
 void check_display_choice(const PlayFlags& flags, bool service) {
   if (flags.display_named) return;
-  const auto refuse = [](const std::string& what) {
-    throw Error(ErrorKind::Usage, what,
-                "add --display kms, or --display virtual if no panel is needed");
+  const auto refuse_panel_flag = [](const std::string& what) {
+    refuse_flag(what, "add --display kms, or --display virtual if no panel is needed");
   };
-  if (service) refuse("--display: missing; a service needs it");
-  if (!flags.wait_for_panel.empty()) refuse("--wait-for-panel: has no effect without --display");
-  if (!flags.on_exit.empty()) refuse("--on-exit: has no effect without --display");
+  if (service) refuse_panel_flag("--display: missing; a service needs it");
+  if (!flags.wait_for_panel.empty())
+    refuse_panel_flag("--wait-for-panel: has no effect without --display");
+  if (!flags.on_exit.empty()) refuse_panel_flag("--on-exit: has no effect without --display");
   say("no --display: playing on the virtual display, which shows nothing (--display kms is a "
       "panel)\n");
 }
@@ -412,8 +406,7 @@ std::optional<uint64_t> vblanks_of(std::optional<double> duration_s, frames::Rat
   constexpr double kMaxDurationS = 1e9;
   if (!duration_s) return std::nullopt;
   if (!(*duration_s <= kMaxDurationS))
-    throw Error(ErrorKind::Usage, fmt::format("--duration {}: too long", *duration_s),
-                "use --loop forever");
+    refuse_flag(fmt::format("--duration {}: too long", *duration_s), "use --loop forever");
   return whole_vblanks(std::chrono::duration<double>(*duration_s), refresh);
 }
 
@@ -461,61 +454,35 @@ ItemOpener item_opener(const PlayPlan& plan) {
   };
 }
 
-namespace {
-
-using display::Nanoseconds;
-
-constexpr Nanoseconds kTryAgain = std::chrono::seconds(5);
-
-/// Returns options that accept any panel that the display's name allows.
-display::KmsOptions any_panel(const std::string& spec, display::KmsOptions options) {
-  options.output = display::parse_kms_spec(spec, options.output);
-  options.output.policy = display::IdentityPolicy::Ignore;
-  options.exit = display::ExitPolicy::Black;
-  if (!options.clock) options.clock = display::make_monotonic_clock();
-  if (!options.session) options.session = display::make_direct_session();
-  return options;
-}
-
-class ErrorOnAnyPanel {
- public:
-  ErrorOnAnyPanel(const PlayFlags& flags, const display::KmsOptions& services)
-      : options_(any_panel(flags.display, services)), card_(options_) {}
-
-  void show(const display::CardText& text) {
-    const display::PanelSearch search = search_panel(options_, card_.display());
-    if (search.present.empty() || !card_.show(search.present.front(), text)) card_.close();
-  }
-  /// Waits until the next attempt is due, or until interrupted.
-  void wait() {
-    const Nanoseconds until = options_.clock->now() + kTryAgain;
-    if (card_.display() != nullptr)
-      (void)card_.wait(until, interrupt_fd());
-    else
-      (void)options_.clock->wait_until(until, interrupt_fd());
-  }
-
- private:
-  display::KmsOptions options_;
-  PanelCard card_;
-};
-
-}  // namespace
-
 std::optional<PlayPlan> plan_when_rig_is_right(const PlayFlags& flags,
                                                const ServiceManager& manager,
                                                const display::KmsOptions& services) {
-  std::optional<ErrorOnAnyPanel> shown;
+  constexpr Nanoseconds kTryAgain = std::chrono::seconds(5);
+  display::KmsOptions any_panel = services;
+  std::optional<PanelCard> card;
   while (!interrupted()) {
     try {
       return make_plan(flags, manager.present());
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::Usage || !display::is_kms_spec(flags.display)) throw;
-      if (!shown) shown.emplace(flags, services);
+      if (!card) {
+        any_panel.output = display::parse_kms_spec(flags.display, any_panel.output);
+        any_panel.output.policy = display::IdentityPolicy::Ignore;
+        any_panel.exit = display::ExitPolicy::Black;
+        if (!any_panel.clock) any_panel.clock = display::make_monotonic_clock();
+        if (!any_panel.session) any_panel.session = display::make_direct_session();
+        card.emplace(any_panel);
+      }
       manager.status(std::string("test card shown: ") + error.what());
-      shown->show(error_card(flags.rig_or_wall(), error));
+      const display::PanelSearch search = search_panel(any_panel, card->display());
+      const display::CardText text = error_card(flags.rig_or_wall(), error);
+      if (search.present.empty() || !card->show(search.present.front(), text)) card->close();
     }
-    shown->wait();
+    const Nanoseconds until = any_panel.clock->now() + kTryAgain;
+    if (card->display() != nullptr)
+      (void)card->wait(until, interrupt_fd());
+    else
+      (void)any_panel.clock->wait_until(until, interrupt_fd());
   }
   return std::nullopt;
 }

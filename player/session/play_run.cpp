@@ -122,20 +122,16 @@ class PreviewWindow final : public display::ScanoutRecorder {
   Subprocess program_;
 };
 
-std::unique_ptr<KeyInput> terminal_keys() {
-  if (isatty(STDIN_FILENO) != 1)
-    throw Error(ErrorKind::Usage, "--trim: standard input is not a terminal",
-                "use lenticule rig trim RIG --offset-by 0.01");
-  return open_key_input({});
-}
-
 /// TrimKeys reads keys from the terminal while a source plays, and applies them to the trim.
 class TrimKeys {
  public:
   /// Prints the trim's advice after the first change. Throws Error(Usage) if standard input is not
   /// a terminal.
-  explicit TrimKeys(std::shared_ptr<LiveRig> trim)
-      : trim_(std::move(trim)), keys_(terminal_keys()) {
+  explicit TrimKeys(std::shared_ptr<LiveRig> trim) : trim_(std::move(trim)) {
+    if (isatty(STDIN_FILENO) != 1)
+      throw Error(ErrorKind::Usage, "--trim: standard input is not a terminal",
+                  "use lenticule rig trim RIG --offset-by 0.01");
+    keys_ = open_key_input({});
     thread_ = std::thread([this] { listen(); });
   }
   /// Restores the terminal.
@@ -184,10 +180,6 @@ class PlayOutputs {
     if (!flags.stats.empty()) statistics_.emplace(flags.stats);
   }
 
-  /// Opens the recording of --record, if there is one.
-  void open_recording() {
-    if (!flags_.record.empty()) plan_.display.recorder = display::open_recorder(flags_.record);
-  }
   void write_statistics(const ordered_json& statistics) {
     if (statistics_) statistics_->write(json_text(statistics, 2) + "\n");
   }
@@ -225,11 +217,6 @@ class PlayOutputs {
     if (statistics_) statistics_->try_at_once();
     if (plan_.display.recorder) plan_.display.recorder->writes().try_at_once();
     if (plan_.trim) plan_.trim->writes().try_at_once();
-  }
-
-  /// Saves the trim again if that failed.
-  void save_trim_again() {
-    if (plan_.trim) plan_.trim->save_again();
   }
 
   /// Completes the recording, after its display was closed. Returns its statistics; null
@@ -292,14 +279,10 @@ constexpr Nanoseconds kTryAgain = std::chrono::seconds(5);
 /// The same for a source that seems to crash the player.
 constexpr Nanoseconds kTryDangerousSource = std::chrono::seconds(60);
 
-std::string progress_note(const PlayReport& report) {
-  return fmt::format("{} underruns, {} missed vblanks, {} dropped", report.pace.underruns,
-                     report.pace.missed, report.pace.dropped);
-}
-
-/// Returns the number of frames to show; 0 = unknown.
-uint64_t frames_to_show(const frames::FrameSource& source, uint64_t loops) {
-  return source.frame_count().value_or(0) * loops;
+void update_progress(Progress& progress, const PlayReport& report) {
+  progress.update(report.pace.shown,
+                  fmt::format("{} underruns, {} missed vblanks, {} dropped", report.pace.underruns,
+                              report.pace.missed, report.pace.dropped));
 }
 
 Error crash_loop(const SafeStart& safe) {
@@ -340,7 +323,7 @@ class PlayRun {
       source_error_ = crash_loop(safe_);
     else
       open_the_source();
-    outputs_.open_recording();
+    if (!flags_.record.empty()) plan_.display.recorder = display::open_recorder(flags_.record);
     if (plan_.step) step_.emplace(*plan_.step);
     if (plan_.proof) proof_.emplace([this](uint64_t item) { return steered_->account_of(item); });
     if (plan_.window) open_window();
@@ -495,7 +478,8 @@ class PlayRun {
   }
 
   [[nodiscard]] PlayResult play_on_display(frames::FrameSource& source, PlaybackOptions options) {
-    Progress progress("playing", "frames", frames_to_show(source, options.loops));
+    // 0 = unknown
+    Progress progress("playing", "frames", source.frame_count().value_or(0) * options.loops);
     options.on_report = [&](const PlayReport& report) {
       look_after_files();
       if (plan_.sound) plan_.sound->look();
@@ -507,14 +491,14 @@ class PlayRun {
       service_->report(report);
       report_power(report);
       report_exactness();
-      progress.update(report.pace.shown, progress_note(report));
+      update_progress(progress, report);
     };
     options.on_turn = [this] { update_proof(); };
     if (panel_) options.reconnect = [this](const LostDisplay& lost) { return reconnect(lost); };
     write_stats(statistics_json(nothing_yet("starting")));
     PlayResult result = play(*display_, source, options);
     update_proof();
-    progress.update(result.report.pace.shown, progress_note(result.report));
+    update_progress(progress, result.report);
     progress.finish(outcome_name(result.outcome));
     return result;
   }
@@ -552,7 +536,7 @@ class PlayRun {
   /// Called about once a second.
   void look_after_files() {
     if (take_reload_request()) reload();
-    outputs_.save_trim_again();
+    if (plan_.trim) plan_.trim->save_again();
     follow_rig();
     std::string warning = outputs_.report_problems();
     for (const std::string& problem : {rig_problem_, stall_})
@@ -662,8 +646,7 @@ class PlayRun {
       json["kms"]["took_over"] = kms_->took_over();
     }
     if (opened_.source) json.update(to_json(opened_.source->damage()));
-    if (std::string name = opened_.source ? opened_.source->video_decoder() : ""; !name.empty())
-      json["video_decoder"] = std::move(name);
+    if (std::string name = video_decoder(); !name.empty()) json["video_decoder"] = std::move(name);
     if (const auto warnings = plan_.context.warnings->all(); !warnings.empty())
       json["rig_warnings"] = warnings;
     json["stall"] = stall_;
@@ -677,6 +660,9 @@ class PlayRun {
     return json;
   }
 
+  [[nodiscard]] std::string video_decoder() const {
+    return opened_.source ? opened_.source->video_decoder() : "";
+  }
   [[nodiscard]] PlayReport nothing_yet(const char* outcome) const {
     PlayReport report;
     report.source = flags_.source;
@@ -705,11 +691,9 @@ class PlayRun {
       print_json(statistics);
     else
       say("{}\n", Verbatim{summary_text(result.report)});
-    if (const auto damage = opened_.source ? opened_.source->damage() : frames::FrameDamage{};
-        damage.any())
-      say("{}: {}\n", flags_.source, damage_text(damage));
-    if (const std::string name = opened_.source ? opened_.source->video_decoder() : "";
-        !name.empty())
+    if (opened_.source && opened_.source->damage().any())
+      say("{}: {}\n", flags_.source, damage_text(opened_.source->damage()));
+    if (const std::string name = video_decoder(); !name.empty())
       say("{}: decoded by {}\n", flags_.source, name);
     return exit_code_after(result);
   }
@@ -738,19 +722,17 @@ class PlayRun {
     return {ErrorKind::Input, names_its_object ? why : fmt::format("{}: {}", flags_.source, why)};
   }
   [[nodiscard]] Error source_error(const PlayResult& result) const {
-    const auto make_error = [&](ErrorKind kind, const std::string& what, const std::string& hint) {
-      return Error(kind, fmt::format("{}: {}", flags_.source, what), hint);
-    };
     if (result.outcome == PlayOutcome::SourceStalled)
-      return make_error(
-          ErrorKind::Failed,
-          fmt::format("no frame arrived for {} s", *plan_.playback.stall_timeout / seconds(1)),
-          opened_.stall_hint);
+      return {ErrorKind::Failed,
+              fmt::format("{}: no frame arrived for {} s", flags_.source,
+                          *plan_.playback.stall_timeout / seconds(1)),
+              opened_.stall_hint};
     if (const std::string why = steered_->failure(); !why.empty()) return list_error(why);
     const bool empty = result.report.filled == 0;
     const bool cannot_loop = opened_.loop_obstacle && !empty;
-    return make_error(cannot_loop ? ErrorKind::Failed : ErrorKind::Input, result.failure,
-                      cannot_loop ? opened_.loop_obstacle() : "");
+    return {cannot_loop ? ErrorKind::Failed : ErrorKind::Input,
+            fmt::format("{}: {}", flags_.source, result.failure),
+            cannot_loop ? opened_.loop_obstacle() : ""};
   }
 
   [[nodiscard]] Error lost_display() const {
