@@ -357,35 +357,34 @@ class Reader {
                 ContentFlags& content) const {
     key_ = key;
     try {
-      if (key == "source") {
+      if (key == "source")
         item.source = source(text(node), node.source().begin.line);
-      } else if (key == "loops") {
+      else if (key == "loops")
         item.loops = loops(node);
-      } else if (key == "duration_s") {
+      else if (key == "duration_s")
         item.duration_s = seconds(node);
-      } else if (key == "wait_s") {
+      else if (key == "wait_s")
         item.wait_s = seconds(node);
-      } else if (key == "fps") {
+      else if (key == "fps")
         item.rate = frames::parse_rate(text(node));
-      } else if (key == "frames") {
+      else if (key == "frames")
         item.frames = parse_frame_range(text(node));
-      } else if (key == "cut") {
+      else if (key == "cut")
         item.waits_until_primed = waits_until_primed(node);
-      } else if (key == "weight") {
+      else if (key == "weight")
         item.weight = static_cast<uint64_t>(number(node, 1, int64_t{kMaxWeight}));
-      } else if (key == "fit") {
+      else if (key == "fit")
         (void)frames::parse_picture_fit(item.fit = text(node));
-      } else if (key == "schedule") {
+      else if (key == "schedule")
         item.schedule = schedule(node);
-      } else if (key == "sound") {
+      else if (key == "sound")
         item.sound = sound(node);
-      } else if (key == "volume") {
+      else if (key == "volume")
         item.volume_db = decibels(node);
-      } else if (!layout_key(key, node, content)) {
+      else if (!layout_key(key, node, content))
         fail_at(node.source().begin.line, fmt::format("unknown key '{}'", key.substr(0, 64)),
                 "an item has source, loops, duration_s, fps, frames, cut, sound, volume, wait_s, "
                 "weight, fit, schedule, and the layout of its views: grid, stereo, depth...");
-      }
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::Input) throw;
       std::string flag = fmt::format("--{} ", key);

@@ -2,6 +2,7 @@
 // PlaylistReporter keeps the status of a playlist, and passes its events and faults on.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -19,18 +20,15 @@ namespace lenticule::player {
 
 struct PlaylistEvent {
   enum class Kind {
-    ItemStarted,  ///< its first frame was taken; the panel shows it a few frames
-                  ///< later
-    LoopPoint,    ///< loop point: the item begins again without a gap
+    ItemStarted,  ///< its first frame was taken; the panel shows it a few frames later
+    LoopPoint,    ///< the item begins again without a gap
     ItemSkipped,  ///< the item cannot be played, or not any further
-    Replaced,     ///< the list, or the item's file, was replaced and is played from
-                  ///< now on
+    Replaced,     ///< the list, or the item's file, was replaced and is played from now on
     Kept,         ///< a replacement cannot be played: the old content continues
     Returned,     ///< the item continues after an interruption
     Waiting,      ///< no item of the list can begin, for the reason in `detail`
     Still,        ///< the film has a single frame, which stays as a picture does
-    ItemDamaged,  ///< the item was played, but some of its frames were damaged,
-                  ///< missing or repeated
+    ItemDamaged,  ///< it was played; some of its frames were damaged, missing or repeated
   };
   Kind kind = Kind::ItemStarted;
   std::string source{};
@@ -209,9 +207,8 @@ class PlaylistReporter {
   /// Returns the item's account, if it is remembered.
   [[nodiscard]] std::optional<ItemAccount> account_of(uint32_t number) const {
     const std::lock_guard lock(mutex_);
-    for (const ItemAccount& one : begun_)
-      if (one.number == number) return one;
-    return std::nullopt;
+    const auto account = std::ranges::find(begun_, number, &ItemAccount::number);
+    return account == begun_.end() ? std::nullopt : std::optional(*account);
   }
 
  private:
@@ -219,9 +216,8 @@ class PlaylistReporter {
   static constexpr size_t kRememberedItems = 64;
   static constexpr size_t kMostDamagedItems = 1000, kMostSkippedItems = 1000;
   [[nodiscard]] ItemAccount* locked_account(uint32_t number) {
-    for (ItemAccount& one : begun_)
-      if (one.number == number) return &one;
-    return nullptr;
+    const auto account = std::ranges::find(begun_, number, &ItemAccount::number);
+    return account == begun_.end() ? nullptr : &*account;
   }
   /// Ends the problem of an item that was left out before, and now played without a break.
   void locked_played_whole(const OpenItem& item) {
