@@ -110,9 +110,7 @@ class ConfinedProcess {
   }
 
   [[noreturn]] void fail_protocol() const {
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: its {} answered out of order", name_, program_.role),
-                program_.remedy);
+    fail_file(fmt::format("its {} answered out of order", program_.role));
   }
 
  private:
@@ -132,6 +130,9 @@ class ConfinedProcess {
   }
   using Clock = std::chrono::steady_clock;
 
+  [[noreturn]] void fail_file(const std::string& cause) const {
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, cause), program_.remedy);
+  }
   void send_bytes(const void* bytes, size_t count, int descriptor) {
     if (!send_packet(socket_.get(), bytes, count, descriptor, MSG_DONTWAIT)) fail_dead();
   }
@@ -161,26 +162,18 @@ class ConfinedProcess {
     using std::chrono::seconds;
     const std::chrono::milliseconds used = processor_time();
     if (ready_ && used > processor_begin_ + processor_limit_)
-      throw Error(
-          ErrorKind::Input,
-          fmt::format("{}: not read after {:.3g} s of processor time, the limit of this file",
-                      name_, std::chrono::duration<double>(processor_limit_).count()),
-          program_.remedy);
+      fail_file(fmt::format("not read after {:.3g} s of processor time, the limit of this file",
+                            std::chrono::duration<double>(processor_limit_).count()));
     if (std::exchange(processor_seen_, used) != used) silent_since_ = Clock::now();
     if (waits_for_us_ && waits_for_us_()) silent_since_ = Clock::now();
     const auto silence = Clock::now() - silent_since_;
     const std::chrono::milliseconds longest = ready_ ? silence_ : kStartTimeout;
     if (silence > longest)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: its {} did not respond for {} s", name_, program_.role,
-                              duration_cast<seconds>(longest).count()),
-                  program_.remedy);
+      fail_file(fmt::format("its {} did not respond for {} s", program_.role,
+                            duration_cast<seconds>(longest).count()));
     const std::chrono::milliseconds all = std::max(kMostSilences * silence_, 2 * processor_limit_);
     if (ready_ && Clock::now() - begun_ > all)
-      throw Error(
-          ErrorKind::Input,
-          fmt::format("{}: not read after {} s", name_, duration_cast<seconds>(all).count()),
-          program_.remedy);
+      fail_file(fmt::format("not read after {} s", duration_cast<seconds>(all).count()));
     if (interrupted() && Clock::now() - answered_ > kInterruptedTimeout) throw Interrupted(name_);
   }
   [[nodiscard]] milliseconds processor_time() const {
@@ -196,13 +189,10 @@ class ConfinedProcess {
     const ProcessEnd end = process_.end();
     const std::string how = end.signal != 0 ? fmt::format("was ended by signal {}", end.signal)
                                             : fmt::format("ended with exit code {}", end.exit_code);
-    if (ready_)
-      throw Error(ErrorKind::Input, fmt::format("{}: its {} {}", name_, program_.role, how),
-                  program_.remedy);
+    if (ready_) fail_file(fmt::format("its {} {}", program_.role, how));
     throw Error(ErrorKind::Failed, fmt::format("{}: {} before its first file", program_.name, how),
                 fmt::format("restart the player or the command if it was upgraded; else reinstall "
-                            "{}, or use a kernel "
-                            "with seccomp filters",
+                            "{}, or use a kernel with seccomp filters",
                             program_.package));
   }
 

@@ -112,13 +112,6 @@ RigsOfPanels rigs_of_panels(const RigRequest& request, bool needs_panel) {
   return found;
 }
 
-[[noreturn]] void refuse_several(const RigsOfPanels& found) {
-  throw Error(ErrorKind::Usage,
-              fmt::format("--rig: missing, and {} rigs name a connected panel ({})",
-                          found.fitting.size(), fmt::join(found.panels, ", ")),
-              fmt::format("choose one with --rig: {}", fmt::join(found.fitting, ", ")));
-}
-
 [[noreturn]] void refuse_none(const RigRequest& request, const RigsOfPanels& found) {
   if (found.refusal) throw Error(*found.refusal);
   std::vector<std::string> candidates = found.known, folders;
@@ -173,7 +166,11 @@ ChosenRig choose_rig(const RigRequest& request) {
   if (!needs_panel)
     if (auto own = rig_of_film(request.source)) return *own;
   const RigsOfPanels found = rigs_of_panels(request, needs_panel);
-  if (found.fitting.size() > 1) refuse_several(found);
+  if (found.fitting.size() > 1)
+    throw Error(ErrorKind::Usage,
+                fmt::format("--rig: missing, and {} rigs name a connected panel ({})",
+                            found.fitting.size(), fmt::join(found.panels, ", ")),
+                fmt::format("choose one with --rig: {}", fmt::join(found.fitting, ", ")));
   if (found.fitting.size() == 1) {
     say("no --rig: using {}, which names the connected panel\n", found.fitting.front());
     return {found.fitting.front()};

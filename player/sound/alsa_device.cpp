@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <fstream>
 #include <thread>
-#include <utility>
 
 #include "base/error.h"
 #include "player/sound/sound_device.h"
