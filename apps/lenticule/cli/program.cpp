@@ -225,21 +225,18 @@ std::optional<Error> value_error(const Chain& chain, const std::string& object,
       const bool out_of_range = error.starts_with(name + ": ");
       if (!out_of_range && !error.starts_with(fmt::format("Could not convert: {} ", name)))
         continue;
+      const std::string typed = object + typed_name(*option);
       const std::string help = fmt::format("see {} --help", name_of(chain));
+      const int most = option->get_items_expected_max();
       if (option->count() == 0)
-        return Error(ErrorKind::Usage,
-                     fmt::format("{}{}: its value is missing", object, typed_name(*option)), help);
-      if (option->get_items_expected_max() == 0)
-        return Error(ErrorKind::Usage,
-                     fmt::format("{}{}: takes no value", object, typed_name(*option)), help);
-      if (static_cast<int>(option->count()) > std::max(1, option->get_items_expected_max()))
-        return Error(ErrorKind::Usage,
-                     fmt::format("{}{}: given more than once", object, typed_name(*option)), help);
+        return Error(ErrorKind::Usage, typed + ": its value is missing", help);
+      if (most == 0) return Error(ErrorKind::Usage, typed + ": takes no value", help);
+      if (static_cast<int>(option->count()) > std::max(1, most))
+        return Error(ErrorKind::Usage, typed + ": given more than once", help);
       const std::string& value = option->results().back();
+      const bool is_fraction = !out_of_range && number_from<double>(value).has_value();
       return Error(ErrorKind::Usage,
-                   fmt::format("{}{} '{}': {}", object, typed_name(*option), value,
-                               expected_value(*option, !out_of_range &&
-                                                           number_from<double>(value).has_value())),
+                   fmt::format("{} '{}': {}", typed, value, expected_value(*option, is_fraction)),
                    value.find(',') == std::string::npos ? help : "write a point, not a comma");
     }
   return std::nullopt;

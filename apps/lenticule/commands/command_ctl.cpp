@@ -35,12 +35,10 @@ constexpr size_t kMaxAddress = 500;
 constexpr const char* kCode = "code";
 
 [[noreturn]] void throw_error(const ordered_json& answer) {
-  const auto text = [&](const char* key) {
-    const auto error = answer.value("error", ordered_json::object());
-    return error.is_object() ? error.value(key, std::string()) : std::string();
-  };
-  const auto error = answer.value("error", ordered_json::object());
-  const int kind = error.is_object() ? error.value("kind", 1) : 1;
+  auto error = answer.value("error", ordered_json::object());
+  if (!error.is_object()) error = ordered_json::object();
+  const auto text = [&](const char* key) { return error.value(key, std::string()); };
+  const int kind = error.value("kind", 1);
   const bool is_known =
       kind == static_cast<int>(ErrorKind::Usage) || kind == static_cast<int>(ErrorKind::Device);
   const std::string object = text("object");
@@ -129,12 +127,6 @@ ExitCode show_address(const std::string& socket, const std::string& address,
   }
   return kOk;
 }
-
-}  // namespace
-
-// lenticule ctl controls a player that runs with --control.
-
-namespace {
 
 using player::ControlVerb;
 
@@ -248,12 +240,6 @@ ExitCode run_ctl(const std::string& verb, const CtlFlags& flags) {
   if (verb == verb_name(ControlVerb::Subscribe)) return stream_events(client, flags);
   print_answer(answer, flags.json);
   return kOk;
-}
-
-ExitCode run_show_address(const CtlFlags& flags) {
-  const std::string address = flags.address.empty() ? address_from_input() : flags.address;
-  return show_address(socket_of(flags), address, milliseconds_of(flags.seconds),
-                      milliseconds_of(flags.wait_s));
 }
 
 void declare_place(CLI::App& app, CtlFlags& flags) {
@@ -380,7 +366,10 @@ Run declare_ctl(CLI::App& app) {
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
   return [flags, verbs, address]() -> ExitCode {
-    if (address->parsed()) return run_show_address(*flags);
+    if (address->parsed())
+      return show_address(socket_of(*flags),
+                          flags->address.empty() ? address_from_input() : flags->address,
+                          milliseconds_of(flags->seconds), milliseconds_of(flags->wait_s));
     for (const auto& [sub, verb] : verbs)
       if (sub->parsed()) return run_ctl(verb_name(verb), *flags);
     throw Error(ErrorKind::Usage, "ctl: a verb is missing", "see lenticule ctl --help");

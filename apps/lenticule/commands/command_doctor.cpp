@@ -108,12 +108,6 @@ void print_output(const nlohmann::json& output) {
   if (!text_of(output["remedy"]).empty()) print_out("    try: {}\n", text_of(output["remedy"]));
 }
 
-void print_text(const nlohmann::json& json) {
-  print_cards(json["cards"]);
-  print_tiled_panels(json["tiled_panels"]);
-  for (const auto& output : json["outputs"]) print_output(output);
-}
-
 /// Returns kDevice if no output can show frames, kQuality if frames would be altered, and kFailed
 /// if the check was not possible. For several panels the worst result counts.
 ExitCode verdict_of(const nlohmann::json& outputs) {
@@ -141,10 +135,13 @@ Run declare_doctor(CLI::App& app) {
   app.add_flag("--json", flags->json, "print everything as JSON");
   return [flags]() -> ExitCode {
     const nlohmann::json json = examine(*flags);
-    if (flags->json)
+    if (flags->json) {
       print_json(json);
-    else
-      print_text(json);
+    } else {
+      print_cards(json["cards"]);
+      print_tiled_panels(json["tiled_panels"]);
+      for (const auto& output : json["outputs"]) print_output(output);
+    }
     if (json["cards"].empty())
       throw Error(
           ErrorKind::Device, "no graphics card was found",
