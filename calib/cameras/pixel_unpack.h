@@ -149,10 +149,8 @@ class PixelUnpacker {
         return true;
       case Packing::Yuv422:
       case Packing::Nv12:
-        unpack_ycbcr(bytes, out.light);
-        return true;
       case Packing::Rgb:
-        unpack_rgb(bytes, out.light);
+        unpack_colours(bytes, out.light);
         return true;
       case Packing::Jpeg:
         break;
@@ -161,78 +159,12 @@ class PixelUnpacker {
   }
 
  private:
-  // Interpolates the colours of a sensor with a Bayer mosaic of filters.
-  /// BayerOrder is the position of the first red pixel: column and row, 0 or 1 each.
-  struct BayerOrder {
-    int red_column = 0;
-    int red_row = 0;
-  };
-
-  /// Surroundings holds the neighbourhood of a mosaic pixel.
-  struct Surroundings {
-    const float* above;
-    const float* here;
-    const float* below;
-    int left;
-    int x;
-    int right;
-
-    [[nodiscard]] float beside() const { return 0.5F * (here[left] + here[right]); }
-    [[nodiscard]] float upright() const { return 0.5F * (above[x] + below[x]); }
-    [[nodiscard]] float cross() const { return 0.5F * (beside() + upright()); }
-    [[nodiscard]] float corners() const {
-      return 0.25F * (above[left] + above[right] + below[left] + below[right]);
-    }
-  };
-
   /// Returns true for a harmless warning. The library keeps its first warning; if that warning is
   /// about bytes before the end marker, the picture was complete.
   static bool is_harmless(tjhandle handle) {
     if (tjGetErrorCode(handle) != TJERR_WARNING) return false;
     return std::string_view(tjGetErrorStr2(handle))
         .ends_with("extraneous bytes before marker 0xd9");
-  }
-
-  /// Returns the mirrored index beyond an edge: that inner neighbour has the filter of the missing
-  /// one.
-  static int mirrored(int index, int count) {
-    if (index < 0) return 1;
-    return index < count ? index : count - 2;
-  }
-
-  static void set_pixel(const Surroundings& at, bool red_column, bool red_row, float* rgb) {
-    if (red_column == red_row) {  // pixel under a red or blue filter
-      rgb[0] = red_row ? at.here[at.x] : at.corners();
-      rgb[1] = at.cross();
-      rgb[2] = red_row ? at.corners() : at.here[at.x];
-      return;
-    }
-    rgb[0] = red_row ? at.beside() : at.upright();
-    rgb[1] = at.here[at.x];
-    rgb[2] = red_row ? at.upright() : at.beside();
-  }
-
-  /// Interpolates bilinearly: a colour without a filter on a pixel is the mean of its nearest
-  /// neighbours with that filter. `mosaic` holds width * height values of linear light, `rgb` three
-  /// times as many. Both sides are at least 2.
-  ///
-  /// Thread safety: any thread.
-  static void interpolate_bayer(std::span<const float> mosaic, int width, int height,
-                                BayerOrder order, std::span<float> rgb) {
-    const size_t pixels = static_cast<size_t>(width) * static_cast<size_t>(height);
-    LENTICULE_CHECK(width >= 2 && height >= 2 && mosaic.size() >= pixels &&
-                    rgb.size() >= 3 * pixels);
-    float* out = rgb.data();
-    for (int y = 0; y < height; ++y) {
-      const float* const above = &mosaic[static_cast<size_t>(mirrored(y - 1, height)) * width];
-      const float* const here = &mosaic[static_cast<size_t>(y) * width];
-      const float* const below = &mosaic[static_cast<size_t>(mirrored(y + 1, height)) * width];
-      for (int x = 0; x < width; ++x, out += 3) {
-        const Surroundings at{
-            above, here, below, mirrored(x - 1, width), x, mirrored(x + 1, width)};
-        set_pixel(at, (x & 1) == order.red_column, (y & 1) == order.red_row, out);
-      }
-    }
   }
 
   [[nodiscard]] const uint8_t* row(std::span<const uint8_t> bytes, int y) const {
@@ -255,30 +187,52 @@ class PixelUnpacker {
       }
     }
   }
+  /// Interpolates a sensor's mosaic of filters bilinearly: a colour without a filter on a pixel is
+  /// the mean of its nearest neighbours with that filter. Both sides are at least 2.
   void unpack_bayer(std::span<const uint8_t> bytes, std::span<float> light) {
     mosaic_.resize(static_cast<size_t>(format_.width) * static_cast<size_t>(format_.height));
     unpack_grey8(bytes, mosaic_);
-    interpolate_bayer(mosaic_, format_.width, format_.height,
-                      {.red_column = layout_.red_column, .red_row = layout_.red_row}, light);
-  }
-  void unpack_ycbcr(std::span<const uint8_t> bytes, std::span<float> light) const {
-    float* out = light.data();
-    for (int y = 0; y < format_.height; ++y)
-      each_ycbcr(layout_, format_, bytes, y, [&](uint8_t luma, uint8_t cb, uint8_t cr) {
-        set_ycbcr(luma, cb, cr, out);
-        out += 3;
-      });
-  }
-  void unpack_rgb(std::span<const uint8_t> bytes, std::span<float> light) const {
-    float* out = light.data();
-    for (int y = 0; y < format_.height; ++y) {
-      const uint8_t* codes = row(bytes, y);
-      for (int x = 0; x < format_.width; ++x, codes += 3, out += 3) {
-        out[0] = light_of_code_[codes[layout_.red_byte]];
-        out[1] = light_of_code_[codes[1]];
-        out[2] = light_of_code_[codes[2 - layout_.red_byte]];
+    const int width = format_.width, height = format_.height;
+    // The mirrored neighbour beyond an edge has the filter of the missing one.
+    const auto mirrored = [](int index, int count) {
+      if (index < 0) return 1;
+      return index < count ? index : count - 2;
+    };
+    const auto row_of = [&](int y) {
+      return &mosaic_[static_cast<size_t>(mirrored(y, height)) * static_cast<size_t>(width)];
+    };
+    float* rgb = light.data();
+    for (int y = 0; y < height; ++y) {
+      const float *const above = row_of(y - 1), *const here = row_of(y),
+                         *const below = row_of(y + 1);
+      const bool red_row = (y & 1) == layout_.red_row;
+      for (int x = 0; x < width; ++x, rgb += 3) {
+        const int left = mirrored(x - 1, width), right = mirrored(x + 1, width);
+        const float beside = 0.5F * (here[left] + here[right]);
+        const float upright = 0.5F * (above[x] + below[x]);
+        const float corners = 0.25F * (above[left] + above[right] + below[left] + below[right]);
+        const bool green = ((x & 1) == layout_.red_column) != red_row;
+        // Of red and blue, one is that of the row's filters.
+        const float of_row = green ? beside : here[x];
+        const float other = green ? upright : corners;
+        rgb[0] = red_row ? of_row : other;
+        rgb[1] = green ? here[x] : 0.5F * (beside + upright);
+        rgb[2] = red_row ? other : of_row;
       }
     }
+  }
+  void unpack_colours(std::span<const uint8_t> bytes, std::span<float> light) const {
+    float* out = light.data();
+    const bool ycbcr = layout_.samples() == Samples::Ycbcr;
+    for (int y = 0; y < format_.height; ++y)
+      each_pixel(layout_, format_, bytes, y, [&](uint8_t first, uint8_t second, uint8_t third) {
+        if (ycbcr) {
+          set_ycbcr(first, second, third, out);
+          out += 3;
+        } else {
+          for (const uint8_t code : {first, second, third}) *out++ = light_of_code_[code];
+        }
+      });
   }
   /// Accepts a picture of exactly this size, also with extra bytes between picture and end marker,
   /// which many cameras send.

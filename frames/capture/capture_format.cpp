@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -95,8 +96,7 @@ FrameSize nearest_size(V4l2Device& device, const FormatOffer& offer, const Frame
 struct Candidate {
   uint32_t fourcc;
   FrameSize size;
-  bool large_enough;
-  double cost = 0.0;  ///< for a display: factors by which size and rate miss the request
+  double cost;  ///< the lowest one is tried first
 };
 
 /// Returns the highest rate at which a camera delivers pictures of this size; 0 if it does not say.
@@ -118,44 +118,35 @@ double fastest(V4l2Device& device, uint32_t fourcc, const FrameSize& size) {
   return most;
 }
 
-std::vector<Candidate> candidates_for_display(V4l2Device& device, const FormatRequest& request) {
+/// Returns the candidates in the order in which they are tried. The cost for a display is the
+/// factors by which size and rate miss the request; for measuring, small pictures come last.
+std::vector<Candidate> candidates(V4l2Device& device, const FormatRequest& request) {
   const std::vector<FormatOffer> offers = offered_formats(device);
   const FrameSize wanted = wanted_size(request);
+  std::vector<uint32_t> known;
+  if (request.for_display)
+    known.assign(kDisplayed.begin(), kDisplayed.end());
+  else
+    std::ranges::transform(kLayouts, std::back_inserter(known), &PixelLayout::fourcc);
   std::vector<Candidate> found;
-  for (const uint32_t fourcc : kDisplayed) {
+  for (const uint32_t fourcc : known) {
     const auto offer = std::ranges::find(offers, fourcc, &FormatOffer::fourcc);
     const bool named = request.pixel_format.empty() || request.pixel_format == fourcc_name(fourcc);
     if (offer == offers.end() || !named) continue;
+    const FrameSize nearest = nearest_size(device, *offer, wanted);
+    if (!request.for_display) {
+      found.push_back({fourcc, nearest, pixels(nearest) < 0.5 * pixels(wanted) ? 1.0 : 0.0});
+      continue;
+    }
     std::vector<FrameSize> sizes = offer->sizes;
-    sizes.push_back(nearest_size(device, *offer, wanted));
+    sizes.push_back(nearest);
     for (const FrameSize& size : sizes) {
       const double rate = fastest(device, fourcc, size);
       const double misses = rate > 0.0 ? std::max(request.frames_per_second / rate, 1.0) : 1.0;
-      found.push_back({fourcc, size, true, unlikeness(size, wanted) + std::log(misses)});
+      found.push_back({fourcc, size, unlikeness(size, wanted) + std::log(misses)});
     }
   }
   std::ranges::stable_sort(found, {}, &Candidate::cost);
-  return found;
-}
-
-/// Returns the candidates in the order in which they are tried.
-std::vector<Candidate> candidates(V4l2Device& device, const FormatRequest& request) {
-  if (request.for_display) return candidates_for_display(device, request);
-  const std::vector<FormatOffer> offers = offered_formats(device);
-  const FrameSize wanted = wanted_size(request);
-  std::vector<Candidate> found;
-  for (const PixelLayout& layout : supported_layouts()) {
-    if (!request.pixel_format.empty() && fourcc_name(layout.fourcc) != request.pixel_format)
-      continue;
-    for (const FormatOffer& offer : offers) {
-      if (offer.fourcc != layout.fourcc) continue;
-      const FrameSize size = nearest_size(device, offer, wanted);
-      found.push_back({offer.fourcc, size, pixels(size) >= 0.5 * pixels(wanted)});
-      break;
-    }
-  }
-  std::stable_partition(found.begin(), found.end(),
-                        [](const Candidate& candidate) { return candidate.large_enough; });
   return found;
 }
 
@@ -300,22 +291,21 @@ std::string text_of(const uint8_t (&bytes)[N]) {
 }
 
 /// Opens a node and queries its own capabilities, not those of the whole device: USB cameras have a
-/// second node that is not a camera. Returns 0 or errno.
-int open_node(V4l2System& system, const std::string& path, std::unique_ptr<V4l2Device>& device,
-              NodeFacts& facts) {
+/// second node that is not a camera. Throws Error(Device).
+std::unique_ptr<V4l2Device> open_node(V4l2System& system, const std::string& path,
+                                      NodeFacts& facts) {
   OpenedDevice opened = system.open(path);
-  if (!opened.device) return opened.error;
-  device = std::move(opened.device);
   v4l2_capability capability{};
-  const int error = v4l2_call(*device, VIDIOC_QUERYCAP, &capability);
-  if (error != 0) return error;
+  int error = opened.error;
+  if (opened.device) error = v4l2_call(*opened.device, VIDIOC_QUERYCAP, &capability);
+  if (error != 0) throw camera_failure(system, path, "open it", error);
   const bool own = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0;
   const uint32_t can = own ? capability.device_caps : capability.capabilities;
   constexpr uint32_t kNeeded = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
   facts = {.name = text_of(capability.card),
            .bus = text_of(capability.bus_info),
            .captures = (can & kNeeded) == kNeeded};
-  return 0;
+  return std::move(opened.device);
 }
 
 std::vector<CameraFormat> formats_of(V4l2Device& device) {
@@ -332,18 +322,16 @@ std::vector<CameraFormat> formats_of(V4l2Device& device) {
 }
 
 /// Returns false for nodes that are not cameras.
-bool describe(V4l2System& system, CameraListing& listing) {
-  std::unique_ptr<V4l2Device> device;
+bool describe(V4l2System& system, CameraListing& listing) try {
   NodeFacts facts;
-  if (const int error = open_node(system, listing.path, device, facts); error != 0) {
-    const Error failure = camera_failure(system, listing.path, "open it", error);
-    listing.problem = fmt::format("{}; {}", failure.what(), failure.hint());
-    return true;
-  }
+  const std::unique_ptr<V4l2Device> device = open_node(system, listing.path, facts);
   if (!facts.captures) return false;
   listing.name = facts.name;
   listing.bus = facts.bus;
   listing.formats = formats_of(*device);
+  return true;
+} catch (const Error& failure) {
+  listing.problem = fmt::format("{}; {}", failure.what(), failure.hint());
   return true;
 }
 
@@ -382,9 +370,7 @@ V4l2Node find_camera(V4l2System& system, const std::string& wanted) {
 
 std::unique_ptr<V4l2Device> open_camera(V4l2System& system, const std::string& path,
                                         NodeFacts& facts) {
-  std::unique_ptr<V4l2Device> device;
-  if (const int error = open_node(system, path, device, facts); error != 0)
-    throw camera_failure(system, path, "open it", error);
+  std::unique_ptr<V4l2Device> device = open_node(system, path, facts);
   if (!facts.captures)
     throw Error(ErrorKind::Device, path + ": not a camera",
                 "a USB camera has a second node for other data; use the other one");
@@ -394,9 +380,7 @@ std::unique_ptr<V4l2Device> open_camera(V4l2System& system, const std::string& p
 std::vector<CameraListing> list_cameras(V4l2System& system) {
   std::vector<CameraListing> cameras;
   for (const V4l2Node& node : system.nodes()) {
-    CameraListing listing;
-    listing.path = node.path;
-    listing.stable_path = node.stable_path;
+    CameraListing listing{.path = node.path, .stable_path = node.stable_path};
     if (describe(system, listing)) cameras.push_back(std::move(listing));
   }
   return cameras;

@@ -80,10 +80,10 @@ struct CameraFormat {
 struct CameraListing {
   std::string path;         ///< "/dev/video0"
   std::string stable_path;  ///< "/dev/v4l/by-id/...", empty if there is none
-  std::string name;
-  std::string bus;
-  std::vector<CameraFormat> formats;
-  std::string problem;  ///< reason why the node could not be queried; empty if it could
+  std::string name{};
+  std::string bus{};
+  std::vector<CameraFormat> formats{};
+  std::string problem{};  ///< reason why the node could not be queried; empty if it could
 };
 
 /// Lists all nodes that are cameras, and nodes that could not be opened. Starts no stream.

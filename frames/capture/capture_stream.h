@@ -166,17 +166,8 @@ class CaptureStream {
     if (!failure_.empty()) return GrabStatus::Gone;
     for (int looks = 0; looks < kMostEmptyLooks; ++looks) {
       const Nanoseconds left = std::max(deadline - device_.now(), Nanoseconds{0});
-      switch (dequeue(out, left)) {
-        case Step::Taken:
-          losses_in_a_row_ = 0;
-          return GrabStatus::Ready;
-        case Step::Lost:
-          return GrabStatus::Corrupt;
-        case Step::Gone:
-          return GrabStatus::Gone;
-        case Step::Nothing:
-          break;
-      }
+      const GrabStatus status = dequeue(out, left);
+      if (status != GrabStatus::TimedOut) return status;
       if (device_.now() >= deadline) break;
     }
     return GrabStatus::TimedOut;
@@ -229,11 +220,11 @@ class CaptureStream {
     v4l2_buffer buffer = buffer_number(index);
     return v4l2_call(device_, VIDIOC_QBUF, &buffer);
   }
-  enum class Step { Taken, Nothing, Lost, Gone };
-  [[nodiscard]] Step dequeue(CapturedBuffer& out, Nanoseconds left) {
+  /// Returns TimedOut when there is nothing yet, perhaps before the time is over.
+  [[nodiscard]] GrabStatus dequeue(CapturedBuffer& out, Nanoseconds left) {
     const int events = device_.poll(left);
     if (events < 0) return gone(-events);
-    if (events == 0) return Step::Nothing;
+    if (events == 0) return GrabStatus::TimedOut;
     if ((events & POLLPRI) != 0 && source_changed()) return gone("the signal changed");
     const bool broken = (events & (POLLERR | POLLHUP | POLLNVAL)) != 0;
     v4l2_buffer buffer = buffer_number(0);
@@ -248,22 +239,24 @@ class CaptureStream {
     out.bytes = {static_cast<const uint8_t*>(memory.get()),
                  std::min<size_t>(buffer.bytesused, room)};
     out.stamp = stamp_of(buffer);
-    return Step::Taken;
+    losses_in_a_row_ = 0;
+    return GrabStatus::Ready;
   }
   /// Decides the next step after a failed dequeue. The kernel's documentation uses EIO for
   /// temporary errors too, such as a lost signal; if the stream itself is broken, poll() reports an
   /// error as well.
-  [[nodiscard]] Step nothing_dequeued(int error, bool broken) {
-    if (error == EAGAIN || error == EINTR) return broken ? gone(EIO) : Step::Nothing;
-    if (error == EIO && !broken && ++losses_in_a_row_ < kMostLossesInARow) return Step::Lost;
+  [[nodiscard]] GrabStatus nothing_dequeued(int error, bool broken) {
+    if (error == EAGAIN || error == EINTR) return broken ? gone(EIO) : GrabStatus::TimedOut;
+    if (error == EIO && !broken && ++losses_in_a_row_ < kMostLossesInARow)
+      return GrabStatus::Corrupt;
     return gone(error);
   }
-  Step gone(int error) {
+  GrabStatus gone(int error) {
     return gone(error == ENODEV ? "unplugged" : "the stream broke: " + error_text(error));
   }
-  Step gone(std::string failure) {
+  GrabStatus gone(std::string failure) {
     failure_ = std::move(failure);
-    return Step::Gone;
+    return GrabStatus::Gone;
   }
   /// Takes an event of the driver, of those that follow_source_changes() asked for.
   [[nodiscard]] bool source_changed() {

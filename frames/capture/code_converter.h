@@ -82,20 +82,17 @@ class CodeConverter {
     return static_cast<uint8_t>(std::clamp(fixed >> kPlaces, 0, 255));
   }
   void convert_row(std::span<const uint8_t> bytes, int y, uint8_t* out) const {
-    if (layout_.packing == Packing::Yuv422 || layout_.packing == Packing::Nv12)
-      return each_ycbcr(layout_, format_, bytes, y, [&](uint8_t luma, uint8_t cb, uint8_t cr) {
+    if (layout_.samples() == Samples::Ycbcr)
+      return each_pixel(layout_, format_, bytes, y, [&](uint8_t luma, uint8_t cb, uint8_t cr) {
         *out++ = byte_of(luma_[luma] + red_cr_[cr]);
         *out++ = byte_of(luma_[luma] + green_cb_[cb] + green_cr_[cr]);
         *out++ = byte_of(luma_[luma] + blue_cb_[cb]);
       });
-    const uint8_t* in = bytes.data() + static_cast<size_t>(y) * format_.bytes_per_line;
-    const bool grey = layout_.packing == Packing::Grey8;
-    const int first = grey ? 0 : layout_.red_byte, step = grey ? 1 : 3, last = grey ? 0 : 2 - first;
-    for (int x = 0; x < format_.width; ++x, in += step) {
-      *out++ = code_[in[first]];
-      *out++ = code_[in[grey ? 0 : 1]];
-      *out++ = code_[in[last]];
-    }
+    each_pixel(layout_, format_, bytes, y, [&](uint8_t red, uint8_t green, uint8_t blue) {
+      *out++ = code_[red];
+      *out++ = code_[green];
+      *out++ = code_[blue];
+    });
   }
 
   /// Rows passes the rows of a decoded picture of the agreed size to the window.

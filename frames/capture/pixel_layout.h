@@ -120,6 +120,7 @@ inline LumaWeights luma_weights(uint32_t encoding) {
           .blue_cb = 2.0 * (1.0 - blue)};
 }
 
+/// Packing decides how many bytes hold a pixel; see unit_of().
 enum class Packing {
   Grey8,
   Grey16,  ///< little-endian, the value in the low bits
@@ -138,9 +139,9 @@ struct PixelLayout {
   int bits = 8;
   int red_column = 0;  ///< Bayer: column of the first red pixel
   int red_row = 0;     ///< Bayer: row of the first red pixel
-  int luma_byte = 0;   ///< 4:2:2: byte of the first pixel's luma; the second pixel's is two further
-  int chroma_byte = 1;  ///< 4:2:2: byte of Cb; Cr is two further
-  int red_byte = 0;     ///< RGB: 0 or 2
+  /// Bytes of R, G, B or Y, Cb, Cr of the first pixel. With NV12, Cb and Cr lie in the second
+  /// plane.
+  std::array<int, 3> at{};
 
   [[nodiscard]] int channels() const {
     return packing == Packing::Grey8 || packing == Packing::Grey16 ? 1 : 3;
@@ -151,6 +152,8 @@ struct PixelLayout {
   }
 };
 
+/// The formats that can be unpacked, best for measuring first: raw sensor samples, then formats
+/// that share colours between pixels, then lossy ones.
 inline constexpr std::array kLayouts{
     PixelLayout{.fourcc = V4L2_PIX_FMT_GREY},
     PixelLayout{.fourcc = V4L2_PIX_FMT_Y16, .packing = Packing::Grey16, .bits = 16},
@@ -161,21 +164,15 @@ inline constexpr std::array kLayouts{
     PixelLayout{
         .fourcc = V4L2_PIX_FMT_SBGGR8, .packing = Packing::Bayer8, .red_column = 1, .red_row = 1},
     PixelLayout{.fourcc = V4L2_PIX_FMT_SGBRG8, .packing = Packing::Bayer8, .red_row = 1},
-    PixelLayout{.fourcc = V4L2_PIX_FMT_YUYV, .packing = Packing::Yuv422},
-    PixelLayout{
-        .fourcc = V4L2_PIX_FMT_UYVY, .packing = Packing::Yuv422, .luma_byte = 1, .chroma_byte = 0},
-    PixelLayout{.fourcc = V4L2_PIX_FMT_NV12, .packing = Packing::Nv12},
-    PixelLayout{.fourcc = V4L2_PIX_FMT_RGB24, .packing = Packing::Rgb},
-    PixelLayout{.fourcc = V4L2_PIX_FMT_BGR24, .packing = Packing::Rgb, .red_byte = 2},
+    PixelLayout{.fourcc = V4L2_PIX_FMT_YUYV, .packing = Packing::Yuv422, .at = {0, 1, 3}},
+    PixelLayout{.fourcc = V4L2_PIX_FMT_UYVY, .packing = Packing::Yuv422, .at = {1, 0, 2}},
+    PixelLayout{.fourcc = V4L2_PIX_FMT_NV12, .packing = Packing::Nv12, .at = {0, 0, 1}},
+    PixelLayout{.fourcc = V4L2_PIX_FMT_RGB24, .packing = Packing::Rgb, .at = {0, 1, 2}},
+    PixelLayout{.fourcc = V4L2_PIX_FMT_BGR24, .packing = Packing::Rgb, .at = {2, 1, 0}},
     PixelLayout{.fourcc = V4L2_PIX_FMT_MJPEG, .packing = Packing::Jpeg},
     PixelLayout{.fourcc = V4L2_PIX_FMT_JPEG, .packing = Packing::Jpeg},
 };
 
-/// Returns the formats that can be unpacked, best for measuring first: raw sensor samples, then
-/// formats that share colours between pixels, then lossy ones.
-[[nodiscard]] inline std::span<const PixelLayout> supported_layouts() {
-  return kLayouts;
-}
 /// Returns null for formats that cannot be unpacked.
 [[nodiscard]] inline const PixelLayout* layout_of(uint32_t fourcc) {
   for (const PixelLayout& layout : kLayouts)
@@ -198,38 +195,29 @@ inline constexpr std::array kLayouts{
   return nullptr;
 }
 
-inline size_t half_up(int count) {
-  return (static_cast<size_t>(count) + 1) / 2;
+/// PackedUnit is the shortest part of a row that holds whole pixels.
+struct PackedUnit {
+  int pixels;  ///< 1, or 2 that share their chroma
+  int bytes;   ///< in each plane
+};
+[[nodiscard]] constexpr PackedUnit unit_of(Packing packing) {
+  constexpr PackedUnit kUnits[] = {{1, 1}, {1, 2}, {1, 1}, {2, 4}, {2, 2}, {1, 3}, {1, 0}};
+  return kUnits[static_cast<size_t>(packing)];
 }
 
 /// Returns the bytes of one row of the first plane without padding; 0 for JPEG.
 [[nodiscard]] inline size_t row_bytes(const PixelLayout& layout, int width) {
-  const auto columns = static_cast<size_t>(width);
-  switch (layout.packing) {
-    case Packing::Grey8:
-    case Packing::Bayer8:
-      return columns;
-    case Packing::Grey16:
-      return columns * 2;
-    case Packing::Yuv422:
-      return half_up(width) * 4;
-    case Packing::Nv12:
-      return half_up(width) * 2;
-    case Packing::Rgb:
-      return columns * 3;
-    case Packing::Jpeg:
-      break;
-  }
-  return 0;
+  const auto [pixels, bytes] = unit_of(layout.packing);
+  return (static_cast<size_t>(width) + static_cast<size_t>(pixels) - 1) /
+         static_cast<size_t>(pixels) * static_cast<size_t>(bytes);
 }
 /// Returns the bytes of a whole picture with rows of `bytes_per_line`, the last one without
 /// padding; 0 for JPEG.
 [[nodiscard]] inline size_t picture_bytes(const PixelLayout& layout, int width, int height,
                                           size_t bytes_per_line) {
   if (layout.packing == Packing::Jpeg) return 0;
-  size_t rows = static_cast<size_t>(height);
-  if (layout.packing == Packing::Nv12) rows += half_up(height);
-  return (rows - 1) * bytes_per_line + row_bytes(layout, width);
+  const int rows = layout.packing == Packing::Nv12 ? height + (height + 1) / 2 : height;
+  return static_cast<size_t>(rows - 1) * bytes_per_line + row_bytes(layout, width);
 }
 
 /// RawFormat describes the memory layout of a picture and the coding of its samples.
@@ -285,21 +273,21 @@ inline constexpr size_t kMaxBytesPerLine = size_t{1} << 20;
   return code_scale(format.coding, layout.bits);
 }
 
-/// Calls put(luma, cb, cr) for each pixel of a row of 4:2:2 or NV12. Chroma is repeated, not
-/// interpolated. `bytes` hold a whole picture.
+/// Calls put(R, G, B) or put(Y, Cb, Cr) with the codes of each pixel of a row; Grey8 has its code
+/// three times. Chroma is repeated, not interpolated. Not for Grey16, Bayer8 and JPEG. `bytes` hold
+/// a whole picture.
 template <class Put>
-void each_ycbcr(const PixelLayout& layout, const RawFormat& format, std::span<const uint8_t> bytes,
+void each_pixel(const PixelLayout& layout, const RawFormat& format, std::span<const uint8_t> bytes,
                 int y, const Put& put) {
   const auto row = [&](int number) {
     return bytes.data() + static_cast<size_t>(number) * format.bytes_per_line;
   };
-  const bool planar = layout.packing == Packing::Nv12;
-  const uint8_t* luma = row(y) + (planar ? 0 : layout.luma_byte);
-  const uint8_t* chroma = planar ? row(format.height + y / 2) : row(y) + layout.chroma_byte;
-  const int luma_step = planar ? 1 : 2, cr = planar ? 1 : 2, chroma_step = planar ? 2 : 4;
-  for (int x = 0; x < format.width; ++x, luma += luma_step) {
-    put(*luma, chroma[0], chroma[cr]);
-    if ((x & 1) != 0) chroma += chroma_step;
+  const auto [pixels, unit] = unit_of(layout.packing);
+  const uint8_t* first = row(y) + layout.at[0];
+  const uint8_t* others = row(layout.packing == Packing::Nv12 ? format.height + y / 2 : y);
+  for (int x = 1; x <= format.width; ++x, first += unit / pixels) {
+    put(*first, others[layout.at[1]], others[layout.at[2]]);
+    if ((x & (pixels - 1)) == 0) others += unit;
   }
 }
 

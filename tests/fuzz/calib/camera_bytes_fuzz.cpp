@@ -20,7 +20,7 @@ using namespace lenticule::calib;
 constexpr size_t kHeaderBytes = 8;
 
 RawFormat format_of(std::span<const uint8_t> header) {
-  const std::span<const PixelLayout> layouts = supported_layouts();
+  const std::span<const PixelLayout> layouts = kLayouts;
   const PixelLayout& layout = layouts[header[0] % layouts.size()];
   RawFormat format{.fourcc = layout.fourcc,
                    .width = header[1],

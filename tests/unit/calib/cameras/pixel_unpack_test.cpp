@@ -341,7 +341,7 @@ TEST(Unpacking, RefusesUnsupportedFormats) {
 }
 
 TEST(Unpacking, NeverReadsPastTheEnd) {
-  for (const PixelLayout& layout : supported_layouts()) {
+  for (const PixelLayout& layout : kLayouts) {
     if (layout.packing == Packing::Jpeg) continue;
     PixelUnpacker unpacker(format_of(layout.fourcc, 5, 3), "test");
     CameraPicture picture;
@@ -369,7 +369,7 @@ TEST(Names, OfPixelFormatsAreThoseOfTheKernel) {
   EXPECT_EQ(fourcc_name(0x00000007), "0x00000007");
   EXPECT_EQ(layout_named("MJPG")->fourcc, V4L2_PIX_FMT_MJPEG);
   EXPECT_EQ(layout_named("H264"), nullptr);
-  for (const PixelLayout& layout : supported_layouts())
+  for (const PixelLayout& layout : kLayouts)
     EXPECT_EQ(layout_named(fourcc_name(layout.fourcc)), layout_of(layout.fourcc));
 }
 
