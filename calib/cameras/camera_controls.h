@@ -143,66 +143,58 @@ class CameraControls {
  private:
   /// Rule is the treatment of one control, if a camera has it. Rules are applied in their order.
   struct Rule {
-    enum class Aim {
-      Set,         ///< sets `value`
-      Minimum,     ///< the smallest value
-      Everything,  ///< all bits
-      Keep,        ///< the present value
-      Exposure,    ///< the requested value, as for the next three
-      Gain,
-      Kelvin,
-      Focus,
-    };
+    enum class Aim { Value, Requested, Minimum, Maximum, Exposure };
     uint32_t id;
-    Aim aim;
-    int64_t value = 0;
-    [[nodiscard]] bool is_essential() const { return aim >= Aim::Exposure; }
+    Aim aim = Aim::Value;
+    std::optional<int64_t> value{};  ///< of Value and Requested; absent: the present one is kept
+    [[nodiscard]] bool is_essential() const {
+      return aim == Aim::Requested || aim == Aim::Exposure;
+    }
   };
   struct Locked {
     uint32_t id;
     std::string name;
     int64_t value;
   };
-  static const std::vector<Rule>& rules() {
+  [[nodiscard]] std::vector<Rule> rules() const {
     using enum Rule::Aim;
-    static const std::vector<Rule> rules{
-        {V4L2_CID_SCENE_MODE, Set, V4L2_SCENE_MODE_NONE},
-        {V4L2_CID_EXPOSURE_AUTO, Set, V4L2_EXPOSURE_MANUAL},
-        {V4L2_CID_EXPOSURE_AUTO_PRIORITY, Set, 0},
-        {V4L2_CID_AUTOGAIN, Set, 0},
-        {V4L2_CID_ISO_SENSITIVITY_AUTO, Set, V4L2_ISO_SENSITIVITY_MANUAL},
-        {V4L2_CID_AUTO_WHITE_BALANCE, Set, 0},
-        {V4L2_CID_AUTO_N_PRESET_WHITE_BALANCE, Set, V4L2_WHITE_BALANCE_MANUAL},
-        {V4L2_CID_FOCUS_AUTO, Set, 0},
-        {V4L2_CID_HUE_AUTO, Set, 0},
-        {V4L2_CID_AUTOBRIGHTNESS, Set, 0},
-        {V4L2_CID_WIDE_DYNAMIC_RANGE, Set, 0},
-        {V4L2_CID_IMAGE_STABILIZATION, Set, 0},
+    return {
+        {V4L2_CID_SCENE_MODE, Value, V4L2_SCENE_MODE_NONE},
+        {V4L2_CID_EXPOSURE_AUTO, Value, V4L2_EXPOSURE_MANUAL},
+        {V4L2_CID_EXPOSURE_AUTO_PRIORITY, Value, 0},
+        {V4L2_CID_AUTOGAIN, Value, 0},
+        {V4L2_CID_ISO_SENSITIVITY_AUTO, Value, V4L2_ISO_SENSITIVITY_MANUAL},
+        {V4L2_CID_AUTO_WHITE_BALANCE, Value, 0},
+        {V4L2_CID_AUTO_N_PRESET_WHITE_BALANCE, Value, V4L2_WHITE_BALANCE_MANUAL},
+        {V4L2_CID_FOCUS_AUTO, Value, 0},
+        {V4L2_CID_HUE_AUTO, Value, 0},
+        {V4L2_CID_AUTOBRIGHTNESS, Value, 0},
+        {V4L2_CID_WIDE_DYNAMIC_RANGE, Value, 0},
+        {V4L2_CID_IMAGE_STABILIZATION, Value, 0},
         {V4L2_CID_BACKLIGHT_COMPENSATION, Minimum},
-        {V4L2_CID_POWER_LINE_FREQUENCY, Set, V4L2_CID_POWER_LINE_FREQUENCY_DISABLED},
+        {V4L2_CID_POWER_LINE_FREQUENCY, Value, V4L2_CID_POWER_LINE_FREQUENCY_DISABLED},
         {V4L2_CID_SHARPNESS, Minimum},
         {V4L2_CID_EXPOSURE_ABSOLUTE, Exposure},
-        {V4L2_CID_EXPOSURE, Keep},
-        {V4L2_CID_GAIN, Gain},
-        {V4L2_CID_ANALOGUE_GAIN, Keep},
-        {V4L2_CID_DIGITAL_GAIN, Keep},
-        {V4L2_CID_ISO_SENSITIVITY, Keep},
-        {V4L2_CID_WHITE_BALANCE_TEMPERATURE, Kelvin},
-        {V4L2_CID_RED_BALANCE, Keep},
-        {V4L2_CID_BLUE_BALANCE, Keep},
-        {V4L2_CID_FOCUS_ABSOLUTE, Focus},
-        {V4L2_CID_IRIS_ABSOLUTE, Keep},
-        {V4L2_CID_ZOOM_ABSOLUTE, Keep},
-        {V4L2_CID_PAN_ABSOLUTE, Keep},
-        {V4L2_CID_TILT_ABSOLUTE, Keep},
-        {V4L2_CID_BRIGHTNESS, Keep},
-        {V4L2_CID_CONTRAST, Keep},
-        {V4L2_CID_SATURATION, Keep},
-        {V4L2_CID_HUE, Keep},
-        {V4L2_CID_GAMMA, Keep},
-        {V4L2_CID_3A_LOCK, Everything},
+        {V4L2_CID_EXPOSURE},
+        {V4L2_CID_GAIN, Requested, requests_.gain},
+        {V4L2_CID_ANALOGUE_GAIN},
+        {V4L2_CID_DIGITAL_GAIN},
+        {V4L2_CID_ISO_SENSITIVITY},
+        {V4L2_CID_WHITE_BALANCE_TEMPERATURE, Requested, requests_.white_balance_kelvin},
+        {V4L2_CID_RED_BALANCE},
+        {V4L2_CID_BLUE_BALANCE},
+        {V4L2_CID_FOCUS_ABSOLUTE, Requested, requests_.focus},
+        {V4L2_CID_IRIS_ABSOLUTE},
+        {V4L2_CID_ZOOM_ABSOLUTE},
+        {V4L2_CID_PAN_ABSOLUTE},
+        {V4L2_CID_TILT_ABSOLUTE},
+        {V4L2_CID_BRIGHTNESS},
+        {V4L2_CID_CONTRAST},
+        {V4L2_CID_SATURATION},
+        {V4L2_CID_HUE},
+        {V4L2_CID_GAMMA},
+        {V4L2_CID_3A_LOCK, Maximum},
     };
-    return rules;
   }
 
   [[nodiscard]] std::vector<ControlInfo> enumerate() {
@@ -266,7 +258,11 @@ class CameraControls {
       return 0;
     }
     locked_.push_back({.id = rule.id, .name = control.name, .value = got});
-    evaluate(rule, control, wanted, got);
+    if (rule.aim == Rule::Aim::Exposure)
+      evaluate_exposure(got);
+    else if (got != wanted)
+      unlocked_.push_back(
+          fmt::format("{}: set to {}, but the camera has {}", control.name, wanted, got));
     return 0;
   }
   [[nodiscard]] int keep(const Rule& rule, const ControlInfo& control) {
@@ -281,33 +277,10 @@ class CameraControls {
     return error == ENODEV ? ENODEV : 0;
   }
   [[nodiscard]] std::optional<int64_t> wanted_value(const Rule& rule, const ControlInfo& control) {
-    switch (rule.aim) {
-      case Rule::Aim::Set:
-        return rule.value;
-      case Rule::Aim::Minimum:
-        return control.minimum;
-      case Rule::Aim::Everything:
-        return control.maximum;
-      case Rule::Aim::Exposure:
-        return whole_refreshes(control, requests_.refresh_hz, requests_.exposure_periods);
-      case Rule::Aim::Gain:
-        return requests_.gain;
-      case Rule::Aim::Kelvin:
-        return requests_.white_balance_kelvin;
-      case Rule::Aim::Focus:
-        return requests_.focus;
-      case Rule::Aim::Keep:
-        break;
-    }
-    return std::nullopt;
-  }
-  void evaluate(const Rule& rule, const ControlInfo& control, int64_t wanted, int64_t got) {
-    if (rule.aim == Rule::Aim::Exposure) {
-      evaluate_exposure(got);
-    } else if (got != wanted) {
-      unlocked_.push_back(
-          fmt::format("{}: set to {}, but the camera has {}", control.name, wanted, got));
-    }
+    if (rule.aim == Rule::Aim::Minimum) return control.minimum;
+    if (rule.aim == Rule::Aim::Maximum) return control.maximum;
+    if (rule.aim != Rule::Aim::Exposure) return rule.value;
+    return whole_refreshes(control, requests_.refresh_hz, requests_.exposure_periods);
   }
   void evaluate_exposure(int64_t got) {
     exposure_ = std::chrono::microseconds{100 * got};
