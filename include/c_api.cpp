@@ -194,10 +194,8 @@ lenticule_status lenticule_ring_abandon(lenticule_ring* ring) {
   if (!is_open(ring) || !ring->holds_slot)
     return misuse("lenticule_ring_abandon: no slot was acquired");
   ring->holds_slot = false;
-  return guarded([&] {
-    ring->renderer->abandon();
-    return LENTICULE_OK;
-  });
+  ring->renderer->abandon();
+  return LENTICULE_OK;
 }
 
 lenticule_status lenticule_ring_finish(lenticule_ring* ring) {

@@ -67,11 +67,6 @@ HeaderFields fields_of(const RingLayout& layout) {
   return fields;
 }
 
-bool is_known_format(uint32_t format) {
-  return format == static_cast<uint32_t>(PixelFormat::Rgb8) ||
-         format == static_cast<uint32_t>(PixelFormat::Rgb10);
-}
-
 }  // namespace
 
 RingLayout plan_layout(const FrameGeometry& geometry, int slots) {
@@ -98,7 +93,8 @@ RingRect place_of_view(const FrameGeometry& picture, const RingContent& content,
 }
 
 const char* geometry_problem(const FrameGeometry& geometry, int64_t slots) {
-  if (!is_known_format(static_cast<uint32_t>(geometry.format))) return "unknown pixel format";
+  if (geometry.format != PixelFormat::Rgb8 && geometry.format != PixelFormat::Rgb10)
+    return "unknown pixel format";
   if (geometry.width < 1 || geometry.width > kMaxFrameSide) return "width outside 1 ... 32768";
   if (geometry.height < 1 || geometry.height > kMaxFrameSide) return "height outside 1 ... 32768";
   if (slots < kMinSlots || slots > kMaxSlots) return "number of slots outside 3 ... 4096";

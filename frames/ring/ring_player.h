@@ -331,16 +331,9 @@ class RingPlayer final : public FrameSource {
   /// Returns true when the handshake is complete, accepted or refused.
   [[nodiscard]] bool answer(UniqueFd& socket) {
     Packet packet;
-    switch (receive_packet(socket.get(), packet, PassedFds::Ignore)) {
-      case Transfer::WouldBlock:
-        return false;
-      case Transfer::Closed:
-        return true;
-      case Transfer::Done:
-        answer_hello(std::move(socket), packet);
-        return true;
-    }
-    return true;
+    const Transfer transfer = receive_packet(socket.get(), packet, PassedFds::Ignore);
+    if (transfer == Transfer::Done) answer_hello(std::move(socket), packet);
+    return transfer != Transfer::WouldBlock;
   }
   void answer_hello(UniqueFd socket, const Packet& packet) {
     RendererHello hello;
