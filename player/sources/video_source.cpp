@@ -145,7 +145,12 @@ class Source final : public VideoSource {
   [[nodiscard]] frames::FrameDamage damage() const override {
     return {.damaged = broken_before_.load() + child_.broken(), .missing = child_.missing()};
   }
-  [[nodiscard]] std::string video_decoder() const override;
+  [[nodiscard]] std::string video_decoder() const override {
+    const std::optional<VideoEvent> choice = child_.decoder();
+    if (!choice) return {};
+    if (choice->hardware && hardware_) return choice->decoder;
+    return "software: " + (choice->reason.empty() ? choice->decoder + " ended" : choice->reason);
+  }
   [[nodiscard]] double pixel_aspect() const override {
     return frames::upright_pixel_aspect({.geometry = stream_.geometry,
                                          .orientation = *stream_.orientation,
@@ -153,31 +158,204 @@ class Source final : public VideoSource {
   }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return stream_.rate; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return frames_in_loop_; }
-  [[nodiscard]] PullStatus pull(frames::AcquiredFrame& out) override;
-  void release(uint64_t token) override;
+  [[nodiscard]] PullStatus pull(frames::AcquiredFrame& out) override {
+    if (out_of_order_) return PullStatus::Failed;
+    if (at_end_) return PullStatus::End;
+    const PullStatus status = following_ ? PullStatus::Ready : pull_following();
+    if (status == PullStatus::Failed) return status;
+    if (status == PullStatus::Ready) {
+      if (frames::position_of(following_->number) > position_) return give(out, true);
+      if (frames::begins_clip(following_->number) && next_ > 0) return end_round();
+      drop_current();
+      current_ = std::exchange(following_, std::nullopt);
+      return give(out, false);
+    }
+    // A decoder that was replaced after its last frame leaves an empty sequence.
+    if (status == PullStatus::End && !request_.plays_again && next_ > 0) {
+      // The clip's length and the left-out frames are known once the decoder has reported them or
+      // is dead.
+      complete_ = true;
+      const uint64_t length = child_.clip_length();
+      if (current_ && next_ < length && length - next_ <= most_repeats_) return give(out, true);
+      if (!child_.present() || length > 0) return end_round();
+    }
+    supervise();
+    return failure_.empty() ? PullStatus::NotYet : PullStatus::Failed;
+  }
+  void release(uint64_t token) override {
+    if (--uses_[token] > 0) return;
+    --acquired_;
+    ring_->release(token);
+  }
   /// The source itself keeps the current frame and the one that follows.
   [[nodiscard]] int max_acquired() const override { return ring_->max_acquired() - 2; }
   [[nodiscard]] uint64_t ready_count() const override {
     return ring_->ready_count() + (following_ ? 1 : 0);
   }
   [[nodiscard]] bool saturated() const override { return ring_->saturated() || !failure_.empty(); }
-  [[nodiscard]] bool rewind() override;
+  [[nodiscard]] bool rewind() override {
+    if (!at_end_) return next_ == 0;
+    at_end_ = false;
+    next_ = 0;
+    ++loop_;
+    if (!request_.plays_again && !child_.present()) begin_child();
+    return true;
+  }
   [[nodiscard]] int wake_fd() const override { return events_.get(); }
-  void service() override;
+  void service() override {
+    ring_->service();
+    supervise();
+  }
   [[nodiscard]] std::string failure() const override { return failure_; }
-  [[nodiscard]] VideoStatistics statistics() const override;
+  [[nodiscard]] VideoStatistics statistics() const override {
+    VideoStatistics now = counts_;
+    now.broken = child_.broken();
+    now.decoder = child_.pid();
+    return now;
+  }
 
  private:
-  [[nodiscard]] bool watch(int fd) const;
-  [[nodiscard]] PullStatus pull_following();
-  [[nodiscard]] PullStatus give(frames::AcquiredFrame& out, bool repeats);
-  [[nodiscard]] PullStatus end_round();
-  void drop_current();
-  void begin_child();
-  void supervise();
-  void bury();
-  [[nodiscard]] bool may_restart();
-  void watch_for_hang();
+  [[nodiscard]] bool watch(int fd) const {
+    epoll_event event = {};
+    event.events = EPOLLIN;
+    event.data.fd = fd;
+    return ::epoll_ctl(events_.get(), EPOLL_CTL_ADD, fd, &event) == 0;
+  }
+  /// Takes the following frame from the ring. Returns Failed if it is out of order.
+  [[nodiscard]] PullStatus pull_following() {
+    frames::AcquiredFrame acquired;
+    const PullStatus status = ring_->pull(acquired);
+    if (status != PullStatus::Ready) return status;
+    ++acquired_;
+    uses_[acquired.token] = 1;
+    const uint64_t position = frames::position_of(acquired.number);
+    const bool begun = next_ > 0;
+    if (position >= position_ && position - position_ <= (begun ? most_repeats_ : 0) &&
+        (begun || frames::begins_clip(acquired.number))) {
+      following_ = acquired;
+      return status;
+    }
+    release(acquired.token);
+    out_of_order_ = true;
+    failure_ = fmt::format("{}: the decoder sent frame {} instead of {}", request_.file.string(),
+                           position, position_);
+    child_.kill();
+    return PullStatus::Failed;
+  }
+  [[nodiscard]] PullStatus give(frames::AcquiredFrame& out, bool repeats) {
+    out = *current_;
+    out.repeats = repeats;
+    out.number = next_++;
+    ++position_;
+    ++uses_[out.token];
+    return PullStatus::Ready;
+  }
+  [[nodiscard]] PullStatus end_round() {
+    drop_current();
+    at_end_ = true;
+    frames_in_loop_ = next_;
+    return PullStatus::End;
+  }
+  void drop_current() {
+    if (current_) release(std::exchange(current_, std::nullopt)->token);
+  }
+  /// Starts a decoder at the frame after the last one in the ring. A number beyond the clip's end,
+  /// which only the decoder knows, continues in the next loop.
+  void begin_child() {
+    const std::optional<VideoEvent> choice = child_.decoder();
+    if (choice && !choice->hardware) hardware_ = false;
+    if (const auto last = ring_->last_number())
+      delivered_ = std::max(delivered_, frames::position_of(*last) + 1);
+    const uint64_t position = std::max(delivered_, position_);
+    const bool next_round = following_ && frames::begins_clip(following_->number);
+    const uint64_t round = next_round ? frames::position_of(following_->number) : position_ - next_;
+    const FrameRange range =
+        request_.frames.value_or(FrameRange{0, std::numeric_limits<uint64_t>::max()});
+    std::vector<std::string> arguments = {program_.string(), kForThisVersion,
+                                          "decode",          "--parent=" + std::to_string(getpid()),
+                                          "--ring",          (folder_.path() / "ring").string(),
+                                          "--stream",        std::to_string(stream_.index),
+                                          "--begin",         std::to_string(range.begin),
+                                          "--end",           std::to_string(range.end),
+                                          "--from",          std::to_string(position - round),
+                                          "--position",      std::to_string(position)};
+    if (stream_.rate)
+      arguments.insert(arguments.end(), {"--rate", frames::to_string(*stream_.rate)});
+    const std::optional<VideoEvent> known = child_.position();
+    if (known && known->time && known->frame <= range.begin + position - round)
+      arguments.insert(arguments.end(), {"--known-frame", std::to_string(known->frame),
+                                         "--known-time=" + std::to_string(*known->time)});
+    if (request_.plays_again) arguments.emplace_back("--loop");
+    if (request_.before_weaving) arguments.emplace_back("--before-weaving");
+    arguments.insert(arguments.end(), {"--decoder", hardware_ ? "auto" : "software"});
+    arguments.insert(arguments.end(), {"--", request_.file.string()});
+    if (*stream_.orientation != frames::Orientation::Upright)
+      arguments.insert(arguments.end() - 2,
+                       {"--orientation", std::to_string(static_cast<int>(*stream_.orientation))});
+    broken_before_.fetch_add(child_.broken());
+    complete_ = false;
+    child_loop_ = loop_;
+    child_showed_life_ = killed_ = false;
+    last_sign_ = last_look_ = Clock::now();
+    child_.start(std::move(arguments));
+  }
+  /// Handles the end of a child, once the ring has taken over everything that it had published.
+  void supervise() {
+    if (const auto end = burying_ ? std::nullopt : child_.take_end()) {
+      end_ = *end;
+      burying_ = true;
+    }
+    if (!burying_) return watch_for_hang();
+    ring_->service();
+    if (ring_->statistics().renderer_connected) return;
+    burying_ = false;
+    bury();
+  }
+  void bury() {
+    if (!failure_.empty()) return;
+    const bool complete = end_.exit_code == kOk && !request_.plays_again;
+    if (complete && child_loop_ == loop_) return;  // pull() returns the end when it gets there
+    const bool sent_all = complete_ && child_loop_ == loop_;
+    if ((at_end_ || sent_all) && !request_.plays_again) return;
+    if (complete) return begin_child();
+    const bool final_word = end_.exit_code == kInput || end_.exit_code == kUsage;
+    if (!final_word && may_restart()) {
+      say("{}: the decoder {}: {}; another one continues, restart {}\n", request_.file.string(),
+          killed_ ? "hung" : "ended", end_.text(), counts_.restarts);
+      return begin_child();
+    }
+    failure_ =
+        fmt::format("{}: {}: {}", request_.file.string(),
+                    final_word ? "cannot be decoded" : "the decoder ends repeatedly", end_.text());
+  }
+  /// Counts the restart. The new decoder is a software decoder, in case a device is at fault.
+  [[nodiscard]] bool may_restart() {
+    const std::optional<VideoEvent> choice = child_.decoder();
+    if (hardware_.exchange(false) && choice && choice->hardware) ++hardware_failures;
+    const Clock::time_point now = Clock::now();
+    while (!restarts_.empty() && now - restarts_.front() > kRestartWindow) restarts_.pop_front();
+    if (restarts_.size() >= kMostRestarts) return false;
+    restarts_.push_back(now);
+    ++counts_.restarts;
+    return true;
+  }
+  /// Kills a decoder that hangs. Time counts only while the player pulls and the decoder has a free
+  /// slot, so that a pause is not taken for a hang.
+  void watch_for_hang() {
+    if (!child_.present() || killed_) return;
+    const Clock::time_point now = Clock::now();
+    const uint64_t signs = position_ + ring_->ready_count() + child_.events();
+    const bool looked_away = now - std::exchange(last_look_, now) > request_.timeout / 2;
+    const bool full = ring_->ready_count() + acquired_ >= slots_;
+    if (signs != signs_) child_showed_life_ = true;
+    if (std::exchange(signs_, signs) != signs || looked_away || full) last_sign_ = now;
+    const auto timeout =
+        child_showed_life_ ? request_.timeout : std::max(request_.timeout, kStartTimeout);
+    if (now - last_sign_ < timeout) return;
+    killed_ = true;
+    ++counts_.hangs;
+    child_.kill();
+  }
 
   const VideoRequest request_;
   const std::filesystem::path program_;
@@ -218,219 +396,6 @@ class Source final : public VideoSource {
   Clock::time_point last_look_;
   VideoChild child_;  // last member, so that it is destroyed first
 };
-
-bool Source::watch(int fd) const {
-  epoll_event event = {};
-  event.events = EPOLLIN;
-  event.data.fd = fd;
-  return ::epoll_ctl(events_.get(), EPOLL_CTL_ADD, fd, &event) == 0;
-}
-
-// --- frames ------------------------------------------------------------------------------------
-
-PullStatus Source::pull(frames::AcquiredFrame& out) {
-  if (out_of_order_) return PullStatus::Failed;
-  if (at_end_) return PullStatus::End;
-  const PullStatus status = following_ ? PullStatus::Ready : pull_following();
-  if (status == PullStatus::Failed) return status;
-  if (status == PullStatus::Ready) {
-    if (frames::position_of(following_->number) > position_) return give(out, true);
-    if (frames::begins_clip(following_->number) && next_ > 0) return end_round();
-    drop_current();
-    current_ = std::exchange(following_, std::nullopt);
-    return give(out, false);
-  }
-  // A decoder that was replaced after its last frame leaves an empty sequence.
-  if (status == PullStatus::End && !request_.plays_again && next_ > 0) {
-    // The clip's length and the left-out frames are known once the decoder has reported them or is
-    // dead.
-    complete_ = true;
-    const uint64_t length = child_.clip_length();
-    if (current_ && next_ < length && length - next_ <= most_repeats_) return give(out, true);
-    if (!child_.present() || length > 0) return end_round();
-  }
-  supervise();
-  return failure_.empty() ? PullStatus::NotYet : PullStatus::Failed;
-}
-
-/// Takes the following frame from the ring. Returns Failed if it is out of order.
-PullStatus Source::pull_following() {
-  frames::AcquiredFrame acquired;
-  const PullStatus status = ring_->pull(acquired);
-  if (status != PullStatus::Ready) return status;
-  ++acquired_;
-  uses_[acquired.token] = 1;
-  const uint64_t position = frames::position_of(acquired.number);
-  const bool begun = next_ > 0;
-  if (position >= position_ && position - position_ <= (begun ? most_repeats_ : 0) &&
-      (begun || frames::begins_clip(acquired.number))) {
-    following_ = acquired;
-    return status;
-  }
-  release(acquired.token);
-  out_of_order_ = true;
-  failure_ = fmt::format("{}: the decoder sent frame {} instead of {}", request_.file.string(),
-                         position, position_);
-  child_.kill();
-  return PullStatus::Failed;
-}
-
-PullStatus Source::give(frames::AcquiredFrame& out, bool repeats) {
-  out = *current_;
-  out.repeats = repeats;
-  out.number = next_++;
-  ++position_;
-  ++uses_[out.token];
-  return PullStatus::Ready;
-}
-
-PullStatus Source::end_round() {
-  drop_current();
-  at_end_ = true;
-  frames_in_loop_ = next_;
-  return PullStatus::End;
-}
-
-void Source::drop_current() {
-  if (current_) release(std::exchange(current_, std::nullopt)->token);
-}
-
-void Source::release(uint64_t token) {
-  if (--uses_[token] > 0) return;
-  --acquired_;
-  ring_->release(token);
-}
-
-bool Source::rewind() {
-  if (!at_end_) return next_ == 0;
-  at_end_ = false;
-  next_ = 0;
-  ++loop_;
-  if (!request_.plays_again && !child_.present()) begin_child();
-  return true;
-}
-
-// --- decoder -----------------------------------------------------------------------------------
-
-/// Starts a decoder at the frame after the last one in the ring. A number beyond the clip's end,
-/// which only the decoder knows, continues in the next loop.
-void Source::begin_child() {
-  const std::optional<VideoEvent> choice = child_.decoder();
-  if (choice && !choice->hardware) hardware_ = false;
-  if (const auto last = ring_->last_number())
-    delivered_ = std::max(delivered_, frames::position_of(*last) + 1);
-  const uint64_t position = std::max(delivered_, position_);
-  const bool next_round = following_ && frames::begins_clip(following_->number);
-  const uint64_t round = next_round ? frames::position_of(following_->number) : position_ - next_;
-  const FrameRange range =
-      request_.frames.value_or(FrameRange{0, std::numeric_limits<uint64_t>::max()});
-  std::vector<std::string> arguments = {program_.string(), kForThisVersion,
-                                        "decode",          "--parent=" + std::to_string(getpid()),
-                                        "--ring",          (folder_.path() / "ring").string(),
-                                        "--stream",        std::to_string(stream_.index),
-                                        "--begin",         std::to_string(range.begin),
-                                        "--end",           std::to_string(range.end),
-                                        "--from",          std::to_string(position - round),
-                                        "--position",      std::to_string(position)};
-  if (stream_.rate) arguments.insert(arguments.end(), {"--rate", frames::to_string(*stream_.rate)});
-  const std::optional<VideoEvent> known = child_.position();
-  if (known && known->time && known->frame <= range.begin + position - round)
-    arguments.insert(arguments.end(), {"--known-frame", std::to_string(known->frame),
-                                       "--known-time=" + std::to_string(*known->time)});
-  if (request_.plays_again) arguments.emplace_back("--loop");
-  if (request_.before_weaving) arguments.emplace_back("--before-weaving");
-  arguments.insert(arguments.end(), {"--decoder", hardware_ ? "auto" : "software"});
-  arguments.insert(arguments.end(), {"--", request_.file.string()});
-  if (*stream_.orientation != frames::Orientation::Upright)
-    arguments.insert(arguments.end() - 2,
-                     {"--orientation", std::to_string(static_cast<int>(*stream_.orientation))});
-  broken_before_.fetch_add(child_.broken());
-  complete_ = false;
-  child_loop_ = loop_;
-  child_showed_life_ = killed_ = false;
-  last_sign_ = last_look_ = Clock::now();
-  child_.start(std::move(arguments));
-}
-
-void Source::service() {
-  ring_->service();
-  supervise();
-}
-
-/// Handles the end of a child, once the ring has taken over everything that it had published.
-void Source::supervise() {
-  if (const auto end = burying_ ? std::nullopt : child_.take_end()) {
-    end_ = *end;
-    burying_ = true;
-  }
-  if (!burying_) return watch_for_hang();
-  ring_->service();
-  if (ring_->statistics().renderer_connected) return;
-  burying_ = false;
-  bury();
-}
-
-void Source::bury() {
-  if (!failure_.empty()) return;
-  const bool complete = end_.exit_code == kOk && !request_.plays_again;
-  if (complete && child_loop_ == loop_) return;  // pull() returns the end when it gets there
-  const bool sent_all = complete_ && child_loop_ == loop_;
-  if ((at_end_ || sent_all) && !request_.plays_again) return;
-  if (complete) return begin_child();
-  const bool final_word = end_.exit_code == kInput || end_.exit_code == kUsage;
-  if (!final_word && may_restart()) {
-    say("{}: the decoder {}: {}; another one continues, restart {}\n", request_.file.string(),
-        killed_ ? "hung" : "ended", end_.text(), counts_.restarts);
-    return begin_child();
-  }
-  failure_ =
-      fmt::format("{}: {}: {}", request_.file.string(),
-                  final_word ? "cannot be decoded" : "the decoder ends repeatedly", end_.text());
-}
-
-/// Counts the restart. The new decoder is a software decoder, in case a device is at fault.
-bool Source::may_restart() {
-  const std::optional<VideoEvent> choice = child_.decoder();
-  if (hardware_.exchange(false) && choice && choice->hardware) ++hardware_failures;
-  const Clock::time_point now = Clock::now();
-  while (!restarts_.empty() && now - restarts_.front() > kRestartWindow) restarts_.pop_front();
-  if (restarts_.size() >= kMostRestarts) return false;
-  restarts_.push_back(now);
-  ++counts_.restarts;
-  return true;
-}
-
-/// Kills a decoder that hangs. Time counts only while the player pulls and the decoder has a free
-/// slot, so that a pause is not taken for a hang.
-void Source::watch_for_hang() {
-  if (!child_.present() || killed_) return;
-  const Clock::time_point now = Clock::now();
-  const uint64_t signs = position_ + ring_->ready_count() + child_.events();
-  const bool looked_away = now - std::exchange(last_look_, now) > request_.timeout / 2;
-  const bool full = ring_->ready_count() + acquired_ >= slots_;
-  if (signs != signs_) child_showed_life_ = true;
-  if (std::exchange(signs_, signs) != signs || looked_away || full) last_sign_ = now;
-  const auto timeout =
-      child_showed_life_ ? request_.timeout : std::max(request_.timeout, kStartTimeout);
-  if (now - last_sign_ < timeout) return;
-  killed_ = true;
-  ++counts_.hangs;
-  child_.kill();
-}
-
-VideoStatistics Source::statistics() const {
-  VideoStatistics now = counts_;
-  now.broken = child_.broken();
-  now.decoder = child_.pid();
-  return now;
-}
-
-std::string Source::video_decoder() const {
-  const std::optional<VideoEvent> choice = child_.decoder();
-  if (!choice) return {};
-  if (choice->hardware && hardware_) return choice->decoder;
-  return "software: " + (choice->reason.empty() ? choice->decoder + " ended" : choice->reason);
-}
 
 }  // namespace
 
