@@ -125,14 +125,10 @@ class Decoder {
 
   frames::PictureInfo take_header(const OpenPicture& picture, frames::PictureValues values) {
     const wire::PictureReplyMessage reply = receive();
-    if (reply.reply == wire::PictureReply::Failed) {
-      idle_ = true;
-      fail_with(picture, reply);
-    }
-    if (reply.reply == wire::PictureReply::Unusual) {
-      idle_ = true;
-      throw UnusualPicture();
-    }
+    const bool unusual = reply.reply == wire::PictureReply::Unusual;
+    idle_ = unusual || reply.reply == wire::PictureReply::Failed;
+    if (unusual) throw UnusualPicture();
+    if (idle_) fail_with(picture, reply);
     if (reply.reply != wire::PictureReply::Header) process_.fail_protocol();
     const bool codes = values == frames::PictureValues::Codes;
     const bool sensible =

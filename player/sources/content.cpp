@@ -84,6 +84,10 @@ std::optional<std::filesystem::path> first_file(const std::string& text) {
   return pattern.path(numbers.front());
 }
 
+bool says_stereo(const ContentFlags& flags) {
+  return !flags.stereo.empty() && flags.stereo != "none";
+}
+
 void refuse_other_flags(const ContentFlags& flags) {
   const int kinds = (flags.grid.empty() ? 0 : 1) + (flags.stereo.empty() ? 0 : 1) +
                     (flags.depth.empty() ? 0 : 1) + (flags.from_rig.empty() ? 0 : 1);
@@ -254,8 +258,7 @@ Content picture(const SourceSpec& source, bool patterns_are_views) {
   const bool may_be_stereo = flags.stereo.empty();
   if (!flags.depth.empty() && !frames::parse_depth_layout(flags.depth))
     return with_depth(flags, std::nullopt);
-  if (!may_be_stereo && flags.stereo != "none")
-    return stereo(frames::parse_stereo(flags.stereo), flags);
+  if (says_stereo(flags)) return stereo(frames::parse_stereo(flags.stereo), flags);
   const auto first = first_file(text);
   auto sidecar = first ? frames::read_sidecar_of(*first) : std::nullopt;
   if (!flags.depth.empty() || (flags.grid.empty() && sidecar && sidecar->depth))
@@ -301,9 +304,7 @@ Content live(const SourceSpec& source, int cameras) {
   }
   if (!flags.depth.empty()) return with_depth(flags, std::nullopt);
   if (!flags.grid.empty()) return quilt(source, std::nullopt);
-  if (!flags.stereo.empty() && flags.stereo != "none")
-    return stereo(frames::parse_stereo(flags.stereo), flags);
-  return {.kind = Kind::Woven};
+  return says_stereo(flags) ? stereo(frames::parse_stereo(flags.stereo), flags) : Content{};
 }
 
 Content content_of(const SourceSpec& source, const std::string& rig_fingerprint,
@@ -354,12 +355,21 @@ const char* remedy_of_unwoven(const frames::FrameGeometry& size) {
          "side: --stereo sbs; woven frames: make them for this panel, as RGB or 4:4:4";
 }
 
+void require_size_of_panel(const std::string& name, const frames::FrameGeometry& size,
+                           const frames::FrameGeometry& panel, const char* remedy) {
+  if (size != panel)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", name, size.width,
+                            size.height, panel.width, panel.height),
+                remedy != nullptr ? remedy : remedy_of_unwoven(size));
+}
+
 void check_layout(const ContentFlags& flags) {
   refuse_other_flags(flags);
   frames::QuiltLayout layout;
   frames::DepthOptions depth;
   if (!flags.grid.empty()) read_grid(flags.grid, layout);
-  if (!flags.stereo.empty() && flags.stereo != "none") (void)frames::parse_stereo(flags.stereo);
+  if (says_stereo(flags)) (void)frames::parse_stereo(flags.stereo);
   const std::string name = std::filesystem::path(flags.depth).filename().string();
   if (!name.empty() && !frames::parse_depth_layout(flags.depth) &&
       name.find_first_of(".%") == std::string::npos)

@@ -52,4 +52,9 @@ void check_layout(const ContentFlags& flags);
 /// rig's panel.
 [[nodiscard]] const char* remedy_of_unwoven(const frames::FrameGeometry& size);
 
+/// Throws Error(Input) for woven frames of another size than the rig's panel; `remedy` replaces
+/// remedy_of_unwoven().
+void require_size_of_panel(const std::string& name, const frames::FrameGeometry& size,
+                           const frames::FrameGeometry& panel, const char* remedy = nullptr);
+
 }  // namespace lenticule::player

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "base/error.h"
@@ -46,14 +47,10 @@ OpenedSource open_still(const SourceSpec& source, const OpenContext& context, co
   if (context.frames)
     throw Error(ErrorKind::Usage, fmt::format("--frames: not allowed for {}", what),
                 "use --frames with a pattern such as 'out/%05d.png'");
-  OpenedSource opened;
-  if (source.kind == SourceKind::RigViews) {
-    LENTICULE_CHECK(context.rig != nullptr);
-    opened.source = std::make_unique<StillSource>(context.rig);
-  } else {
-    opened.source = std::make_unique<StillSource>(draw_still(source, context));
-  }
-  return opened;
+  if (source.kind != SourceKind::RigViews)
+    return {.source = std::make_unique<StillSource>(draw_still(source, context))};
+  LENTICULE_CHECK(context.rig != nullptr);
+  return {.source = std::make_unique<StillSource>(context.rig)};
 }
 
 // --- frames that were woven elsewhere -------------------------------------------------------
@@ -91,12 +88,9 @@ void require_frames_of_this_panel(const std::string& file, const OpenContext& co
                     ours.fingerprint),
         "woven frames fit one panel: render them for this rig, or use --reweave, which weaves them "
         "again and costs sharpness");
-  const frames::FrameGeometry size = reader.geometry();
-  if (size != context.panel)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", file, size.width,
-                            size.height, context.panel.width, context.panel.height),
-                "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
+  require_size_of_panel(
+      file, reader.geometry(), context.panel,
+      "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
 }
 
 PictureOptions picture_options(const OpenContext& context) {
@@ -119,10 +113,7 @@ OpenedSource open_woven(const SourceSpec& source, const OpenContext& context) {
     refuse_other_kinds(source);
     options.size = context.panel;
   }
-  OpenedSource opened;
-  opened.source = open_pictures(source.text, options);
-  opened.woven_elsewhere = true;
-  return opened;
+  return {.source = open_pictures(source.text, options), .woven_elsewhere = true};
 }
 
 // --- views ----------------------------------------------------------------------------------
@@ -138,18 +129,17 @@ OpenedSource open_and_weave(const Content& content, const OpenContext& context,
   const optics::Rig rig = context.rig->rig();
   options.rig = &rig;
   if (live.pictures) options.pictures = [&live] { return std::move(live.pictures); };
-  OpenedSource opened;
-  opened.live = live.statistics;
-  opened.source = std::make_unique<WeavingSource>(
-      open_views(content, options), WeavingSourceOptions{.name = content.source.text,
-                                                         .rig = context.rig,
-                                                         .weaving = context.weaving,
-                                                         .threads = decoding_threads(),
-                                                         .pool_frames = std::max(context.slots, 3),
-                                                         .plays_again = context.plays_again,
-                                                         .live = live.statistics,
-                                                         .from_renderer = from_renderer});
-  return opened;
+  auto views = open_views(content, options);
+  return {.source = std::make_unique<WeavingSource>(
+              std::move(views), WeavingSourceOptions{.name = content.source.text,
+                                                     .rig = context.rig,
+                                                     .weaving = context.weaving,
+                                                     .threads = decoding_threads(),
+                                                     .pool_frames = std::max(context.slots, 3),
+                                                     .plays_again = context.plays_again,
+                                                     .live = live.statistics,
+                                                     .from_renderer = from_renderer}),
+          .live = live.statistics};
 }
 
 // --- frames and views of a renderer -----------------------------------------------------------
@@ -222,13 +212,11 @@ OpenedSource open_ring(const SourceSpec& source, const OpenContext& context) {
       throw Error(ErrorKind::Usage, source.text + ": woven frames have the size of the panel",
                   "leave ?size= out, or state the layout of views: --grid 8x6");
     auto ring = frames::RingPlayer::open(options);
-    OpenedSource opened;
-    opened.loop_obstacle = [player = ring.get()] { return player->statistics().loop_obstacle; };
-    opened.source = std::move(ring);
-    opened.woven_elsewhere = true;
-    opened.stall_hint =
-        fmt::format("start a renderer: lenticule render SCENE --rig RIG -o ring:{}", socket);
-    return opened;
+    auto* const player = ring.get();
+    return {.source = std::move(ring),
+            .loop_obstacle = [player] { return player->statistics().loop_obstacle; },
+            .stall_hint = "start a renderer: lenticule render SCENE --rig RIG -o ring:" + socket,
+            .woven_elsewhere = true};
   }
   options.geometry = size_of_ring(source, context);
   options.slots = kPicturesAhead;
@@ -251,27 +239,18 @@ OpenedSource open_live(const SourceSpec& source, const OpenContext& context) {
   OpenedCapture live = open_capture(source.text, context.panel);
   if (content.kind != Content::Kind::Woven)
     return open_and_weave(content, context, std::move(live));
-  const frames::FrameGeometry size = live.pictures->geometry();
-  if (size != context.panel)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", source.text,
-                            size.width, size.height, context.panel.width, context.panel.height),
-                remedy_of_unwoven(size));
-  OpenedSource opened;
-  opened.source = std::move(live.pictures);
-  opened.live = std::move(live.statistics);
-  opened.woven_elsewhere = true;
-  return opened;
+  require_size_of_panel(source.text, live.pictures->geometry(), context.panel);
+  return {.source = std::move(live.pictures),
+          .live = std::move(live.statistics),
+          .woven_elsewhere = true};
 }
 
 // --- walls ----------------------------------------------------------------------------------
 
 void refuse_on_wall(const SourceSpec& source) {
-  const SourceKind kind = source.kind;
-  const bool plays = kind == SourceKind::Sequence || kind == SourceKind::Pictures ||
-                     kind == SourceKind::Card || kind == SourceKind::Black ||
-                     kind == SourceKind::Code;
-  if (!plays)
+  using enum SourceKind;
+  constexpr SourceKind kPlayed[] = {Sequence, Pictures, Card, Black, Code};
+  if (std::ranges::find(kPlayed, source.kind) == std::end(kPlayed))
     throw Error(ErrorKind::Usage,
                 fmt::format("source '{}': cannot be played on a wall", source.text),
                 "a wall plays films that were rendered for it: lenticule render --wall");
@@ -300,35 +279,22 @@ OpenedSource open_on_wall(const SourceSpec& source, const OpenContext& context) 
     require_woven(own, panel);
     parts.push_back({.name = own.text, .source = open_source(own, panel).source});
   }
-  OpenedSource opened;
-  opened.source = std::make_unique<JoinedSource>(std::move(parts), context.panel);
-  return opened;
+  return {.source = std::make_unique<JoinedSource>(std::move(parts), context.panel)};
 }
 
 }  // namespace
 
 OpenedSource open_source(const SourceSpec& source, const OpenContext& context) {
   if (!context.wall.empty()) return open_on_wall(source, context);
-  switch (source.kind) {
-    case SourceKind::Card:
-      return open_still(source, context, "a test card");
-    case SourceKind::Black:
-      return open_still(source, context, "a black frame");
-    case SourceKind::Code:
-      return open_still(source, context, "a code");
-    case SourceKind::RigViews:
-      return open_still(source, context, "numbered views");
-    case SourceKind::Ring:
-      return open_ring(source, context);
-    case SourceKind::Live:
-      return open_live(source, context);
-    case SourceKind::ViewFiles:
-    case SourceKind::List:
-    case SourceKind::Sequence:
-    case SourceKind::Video:
-    case SourceKind::Pictures:
-      break;
-  }
+  constexpr std::pair<SourceKind, const char*> kDrawn[] = {
+      {SourceKind::Card, "a test card"},
+      {SourceKind::Black, "a black frame"},
+      {SourceKind::Code, "a code"},
+      {SourceKind::RigViews, "numbered views"}};
+  for (const auto& [kind, what] : kDrawn)
+    if (source.kind == kind) return open_still(source, context, what);
+  if (source.kind == SourceKind::Ring) return open_ring(source, context);
+  if (source.kind == SourceKind::Live) return open_live(source, context);
   const std::string rig = present_rig(context).fingerprint;
   // The panels of a wall play nothing but woven frames.
   const Content content =

@@ -64,17 +64,17 @@ struct OpenContext {
 };
 
 struct OpenedSource {
-  std::unique_ptr<frames::FrameSource> source;
+  std::unique_ptr<frames::FrameSource> source = nullptr;
   /// Returns, after playing and while `source` exists, why the sequence could not be repeated;
   /// empty if it could. Null for sources that can always be repeated.
-  std::function<std::string()> loop_obstacle;
+  std::function<std::string()> loop_obstacle = nullptr;
   /// Advice if no frame arrives; may be empty.
-  std::string stall_hint;
+  std::string stall_hint = {};
   /// Called with the number that the item's frames will have, and the rounds to play, as known at
   /// the start of each; may be null. Owns the sound.
-  std::function<void(uint64_t item, uint64_t rounds)> begin_sound;
+  std::function<void(uint64_t item, uint64_t rounds)> begin_sound = nullptr;
   /// Statistics of pictures that come in live; null for other sources.
-  std::shared_ptr<CaptureStatistics> live;
+  std::shared_ptr<CaptureStatistics> live = nullptr;
   /// The frames were woven before they came here, so that a trim does not change them.
   bool woven_elsewhere = false;
 };

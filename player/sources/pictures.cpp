@@ -58,11 +58,7 @@ uint64_t pixels_of(const frames::FrameGeometry& size) {
 
 void check_size(const std::string& name, const frames::FrameGeometry& size,
                 const PictureOptions& options, uint64_t most_pixels) {
-  if (options.size && size != *options.size)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", name, size.width,
-                            size.height, options.size->width, options.size->height),
-                remedy_of_unwoven(size));
+  if (options.size) require_size_of_panel(name, size, *options.size);
   const uint64_t limit = options.most_pixels.value_or(
       options.plays ? most_pixels : std::numeric_limits<uint64_t>::max());
   if (pixels_of(size) > limit)
@@ -247,10 +243,11 @@ class ViewsOpener {
     }
     return depth;
   }
-  /// Returns the stated aspect, or that of the picture's pixels if they are not square.
-  [[nodiscard]] std::optional<double> aspect_in(const FrameSource& pictures) const {
-    return content_.aspect ? content_.aspect
-                           : frames::stated_aspect(pictures.geometry(), pictures.pixel_aspect());
+  /// Returns the stated aspect of a view of this size, or that of the pixels if they are not
+  /// square.
+  [[nodiscard]] std::optional<double> aspect_of(const frames::FrameGeometry& view,
+                                                const FrameSource& pictures) const {
+    return content_.aspect ? content_.aspect : frames::stated_aspect(view, pictures.pixel_aspect());
   }
 
   [[nodiscard]] std::unique_ptr<ViewInput> open_view_files() {
@@ -299,7 +296,8 @@ class ViewsOpener {
   [[nodiscard]] std::unique_ptr<ViewInput> input_of_views() {
     const FrameSource& first = *sources_.front();
     return input_of(frames::arrange_pictures(first.geometry(), static_cast<int>(sources_.size()),
-                                             aspect_in(first), content_.rightmost_first));
+                                             aspect_of(first.geometry(), first),
+                                             content_.rightmost_first));
   }
 
   [[nodiscard]] std::unique_ptr<ViewInput> open_streams() {
@@ -316,8 +314,8 @@ class ViewsOpener {
     const FrameSource& colours = add_pictures(name_);
     (void)add_pictures(depth);
     const frames::FrameGeometry size = colours.geometry();
-    return input_of(
-        frames::arrange_depth({size.width, size.height}, {}, aspect_in(colours), depth_options()));
+    return input_of(frames::arrange_depth({size.width, size.height}, {}, aspect_of(size, colours),
+                                          depth_options()));
   }
 
   [[nodiscard]] std::unique_ptr<ViewInput> open_woven() {
@@ -346,9 +344,7 @@ class ViewsOpener {
     const frames::FrameGeometry eye{
         .width = size.width / (stereo.beside && !stereo.half ? 2 : 1),
         .height = size.height / (!stereo.beside && !stereo.half ? 2 : 1)};
-    if (const auto stated = frames::stated_aspect(eye, pictures.pixel_aspect()))
-      tiles.layout.aspect = stated;
-    if (content_.aspect) tiles.layout.aspect = content_.aspect;
+    if (const auto aspect = aspect_of(eye, pictures)) tiles.layout.aspect = aspect;
     return frames::arrange_quilt(size, tiles.layout,
                                  tiles.rightmost_first != content_.rightmost_first, name_);
   }
@@ -356,10 +352,8 @@ class ViewsOpener {
   [[nodiscard]] Arrangement depth_in(const FrameSource& pictures) const {
     const auto windows = frames::depth_windows(pictures.geometry(), content_.depth, name_);
     const auto& [width, height] = windows.colour.size;
-    const auto aspect = content_.aspect
-                            ? content_.aspect
-                            : frames::stated_aspect({width, height}, pictures.pixel_aspect());
-    return frames::arrange_depth(windows.colour.size, windows, aspect, depth_options());
+    return frames::arrange_depth(windows.colour.size, windows, aspect_of({width, height}, pictures),
+                                 depth_options());
   }
 
   const Content& content_;

@@ -139,9 +139,7 @@ std::string SourceSpec::without_prefix() const {
 }
 
 std::vector<std::string> SourceSpec::files() const {
-  if (kind == SourceKind::Card || kind == SourceKind::Black || kind == SourceKind::RigViews ||
-      kind == SourceKind::Code || kind == SourceKind::Ring || kind == SourceKind::Live)
-    return {};
+  if (kind < SourceKind::ViewFiles) return {};
   if (kind != SourceKind::ViewFiles) return {text};
   std::vector<std::string> files(1);
   for (const char c : without_prefix()) {
@@ -176,15 +174,15 @@ std::vector<FileMark> marks_of_source(const SourceSpec& source) {
 FrameRange parse_frame_range(std::string_view text) {
   const size_t colon = text.find(':');
   const auto begin = frame_number(text.substr(0, colon));
-  const auto end = colon == std::string_view::npos ? begin : frame_number(text.substr(colon + 1));
-  if (!begin || !end)
-    throw Error(ErrorKind::Usage, fmt::format("--frames '{}': not a range of frames", text),
+  const bool single = colon == std::string_view::npos;
+  const auto end = single && begin ? *begin + 1 : frame_number(text.substr(colon + 1));
+  const bool numbers = begin && end;
+  if (!numbers || *end <= *begin)
+    throw Error(ErrorKind::Usage,
+                fmt::format("--frames '{}': {}", text,
+                            numbers ? "contains no frame" : "not a range of frames"),
                 "for example --frames 0:24, which ends before frame 24");
-  const FrameRange range{*begin, colon == std::string_view::npos ? *begin + 1 : *end};
-  if (range.end <= range.begin)
-    throw Error(ErrorKind::Usage, fmt::format("--frames '{}': contains no frame", text),
-                "for example --frames 0:24, which ends before frame 24");
-  return range;
+  return {*begin, *end};
 }
 
 }  // namespace lenticule::player

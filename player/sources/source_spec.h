@@ -15,6 +15,7 @@
 
 namespace lenticule::player {
 
+/// The kinds before ViewFiles name no files.
 enum class SourceKind {
   Card,       ///< "card": a test card
   Black,      ///< "black": a black frame

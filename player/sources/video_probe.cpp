@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -48,24 +49,27 @@ std::string name(const JsonFields& fields, const std::string& key) {
   return escaped(value->get<std::string>().substr(0, kMostName));
 }
 
-std::optional<frames::Rate> rate(const JsonFields& fields) {
-  const json* const value = fields.find("rate");
+constexpr uint64_t kMostOfStream = 0x7fffffff;
+
+/// Returns numerator and denominator of a fraction.
+std::optional<std::array<int64_t, 2>> fraction(const JsonFields& fields, const std::string& key) {
+  const json* const value = fields.find(key);
   if (value == nullptr || !value->is_array() || value->size() != 2) return std::nullopt;
-  constexpr uint64_t kMost = 0x7fffffff;
-  const auto numerator = count(&(*value)[0], kMost);
-  const auto denominator = count(&(*value)[1], kMost);
-  if (!numerator || !denominator) return std::nullopt;
-  try {
-    return frames::make_rate(static_cast<int64_t>(*numerator), static_cast<int64_t>(*denominator));
-  } catch (const Error&) {
-    return std::nullopt;  // implausible rate: played at the panel's rate
-  }
+  const auto over = count(&(*value)[0], kMostOfStream), under = count(&(*value)[1], kMostOfStream);
+  if (!over || !under) return std::nullopt;
+  return std::array{static_cast<int64_t>(*over), static_cast<int64_t>(*under)};
+}
+
+std::optional<frames::Rate> rate(const JsonFields& fields) try {
+  const auto parts = fraction(fields, "rate");
+  return parts ? std::optional(frames::make_rate((*parts)[0], (*parts)[1])) : std::nullopt;
+} catch (const Error&) {
+  return std::nullopt;  // implausible rate: played at the panel's rate
 }
 
 frames::FrameGeometry geometry(const JsonFields& fields) {
-  constexpr uint64_t kMost = 0x7fffffff;
-  const auto width = count(fields.find("width"), kMost);
-  const auto height = count(fields.find("height"), kMost);
+  const auto width = count(fields.find("width"), kMostOfStream);
+  const auto height = count(fields.find("height"), kMostOfStream);
   if (!width || !height) fields.fail("width", "not a size");
   const frames::FrameGeometry size{.width = static_cast<int>(*width),
                                    .height = static_cast<int>(*height)};
@@ -79,14 +83,10 @@ frames::FrameGeometry geometry(const JsonFields& fields) {
 
 /// Returns the pixel aspect; 1 if the tag is not plausible.
 double pixel_aspect(const JsonFields& fields) {
-  constexpr uint64_t kMost = 0x7fffffff;
   constexpr double kMostAspect = 16.0;
-  const json* const value = fields.find("sample_aspect");
-  if (value == nullptr || !value->is_array() || value->size() != 2) return 1.0;
-  const auto across = count(&(*value)[0], kMost);
-  const auto down = count(&(*value)[1], kMost);
-  if (!across || !down || *across == 0 || *down == 0) return 1.0;
-  const double aspect = static_cast<double>(*across) / static_cast<double>(*down);
+  const auto [across, down] =
+      fraction(fields, "sample_aspect").value_or(std::array<int64_t, 2>{1, 1});
+  const double aspect = static_cast<double>(across) / static_cast<double>(down);
   return aspect > 1.0 / kMostAspect && aspect < kMostAspect ? aspect : 1.0;
 }
 
@@ -209,30 +209,27 @@ std::optional<VideoEvent> parse_video_event(std::string_view line) {
   if (line.size() > kMostLine || line.empty() || line.front() != '{') return std::nullopt;
   const json object = json::parse(line, nullptr, false);
   if (!object.is_object() || !object.contains("event")) return std::nullopt;
-  const auto find = [&object](const char* key) {
-    const auto found = object.find(key);
-    return found == object.end() ? nullptr : &*found;
-  };
   VideoEvent event;
-  if (*find("event") == "position") {
-    const auto frame = count(find("frame"), kMostFrames);
+  const JsonFields fields(object, "event");
+  const std::string kind = name(fields, "event");
+  if (kind == "position") {
+    const auto frame = count(fields.find("frame"), kMostFrames);
     if (!frame) return std::nullopt;
     event.kind = VideoEvent::Kind::Position;
     event.frame = *frame;
-    if (const json* time = find("time"); time != nullptr && time->is_number_integer())
+    if (const json* time = fields.find("time"); time != nullptr && time->is_number_integer())
       event.time = time->get<int64_t>();
-  } else if (*find("event") == "broken") {
+  } else if (kind == "broken") {
     event.kind = VideoEvent::Kind::Broken;
-    event.broken = count(find("count"), kMostFrames).value_or(0);
-  } else if (*find("event") == "clip") {
+    event.broken = count(fields.find("count"), kMostFrames).value_or(0);
+  } else if (kind == "clip") {
     event.kind = VideoEvent::Kind::Clip;
-    event.missing = count(find("missing"), kMostFrames).value_or(0);
-    event.length = count(find("frames"), kMostFrames).value_or(0);
-  } else if (*find("event") == "decoder") {
-    const JsonFields fields(object, "decoder");
-    const json* const hardware = find("hardware");
+    event.missing = count(fields.find("missing"), kMostFrames).value_or(0);
+    event.length = count(fields.find("frames"), kMostFrames).value_or(0);
+  } else if (kind == "decoder") {
     event.kind = VideoEvent::Kind::Decoder;
     event.decoder = name(fields, "decoder");
+    const json* const hardware = fields.find("hardware");
     event.hardware = hardware != nullptr && hardware->is_boolean() && hardware->get<bool>();
     event.reason = name(fields, "reason");
   }
