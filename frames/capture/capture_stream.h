@@ -178,6 +178,8 @@ class CaptureStream {
     if (error != 0) gone(error);
     return error == 0;
   }
+  /// Returns the number of buffers that the driver gave.
+  [[nodiscard]] size_t buffers() const { return buffers_.size(); }
   /// Ends the stream when the signal of an input changes. Other cameras never say so.
   void follow_source_changes() {
     v4l2_event_subscription wanted{};

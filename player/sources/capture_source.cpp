@@ -214,8 +214,9 @@ GrabStatus LiveCameras::fetch(Camera& camera, Nanoseconds timeout) {
     camera.held.push_back({buffer, time});
     camera.time = time;
     // With two of each camera, that of the same moment is among them, whichever camera is ahead.
+    // A buffer stays with the driver, which may have given only two.
     const bool pairs = cameras_.size() > 1;
-    if (camera.held.size() > (pairs ? 2 : 1)) {
+    if (camera.held.size() > (pairs && camera.stream.buffers() > 2 ? 2 : 1)) {
       (pairs ? statistics_.unpaired : statistics_.superseded).add();
       if (!give_back_before(camera, 1)) return gone(camera, camera.stream.failure());
     }

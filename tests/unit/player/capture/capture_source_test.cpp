@@ -134,6 +134,17 @@ TEST_F(Cameras, PairsThePicturesOfOneMomentSideBySide) {
   }
 }
 
+TEST_F(Cameras, ADriverOfTwoBuffersAlwaysHasOneToFill) {
+  left_.most_buffers = right_.most_buffers = 2;
+  LiveCameras cameras = opened("v4l2:/dev/video0,/dev/video2");
+  left_.frames = {taken(Nanoseconds{0}, 1), taken(milliseconds(33), 2), taken(milliseconds(66), 3)};
+  right_.frames = {taken(milliseconds(66), 4)};
+  left_.clock = right_.clock = kStart + milliseconds(66);
+  ASSERT_EQ(next(cameras), GrabStatus::Ready);
+  EXPECT_EQ(code_of(0), 3);
+  EXPECT_EQ(code_of(1), 4);
+}
+
 TEST_F(Cameras, ACameraThatFallsSilentIsNamedWithTheReason) {
   LiveCameras cameras = opened("v4l2:/dev/video0,/dev/video2");
   left_.frames = {taken(Nanoseconds{0}, 1)};
