@@ -20,7 +20,6 @@
 #include "optics/json_fields.h"
 #include "optics/toml.h"
 #include "player/playlist/folder_lists.h"
-#include "player/sources/capture_source.h"
 #include "player/sources/content.h"
 
 namespace lenticule::player {

@@ -27,8 +27,6 @@ using namespace frames::capture;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr std::string_view kPrefix = "v4l2:";
-constexpr double kUsualRate = 60.0;
 /// Largest distance of pictures of one moment when the cameras do not state a rate.
 constexpr Nanoseconds kUsualApart = milliseconds(20);
 /// Time without a picture after which a camera counts as silent. Some take seconds to start.
@@ -41,51 +39,7 @@ constexpr int64_t kPixelsOfThread = int64_t{1} << 20;
 constexpr int kMostThreads = 4;
 constexpr int kMostAcquired = 4;
 
-[[noreturn]] void refuse(const std::string& text, const std::string& what) {
-  throw Error(ErrorKind::Usage, fmt::format("source '{}': {}", text, what),
-              "for example v4l2:/dev/video0, v4l2:/dev/video0,/dev/video2 or "
-              "'v4l2:/dev/video0?size=1920x1080&format=MJPG&rate=60'");
-}
-
-void read_option(const std::string& text, std::string_view option, FormatRequest& request) {
-  const std::string_view key = take_until(option, '=');
-  if (key == "size") {
-    const auto size = numbers_from<int, 2>(option, 'x');
-    if (!size || (*size)[0] < 1 || (*size)[1] < 1 || (*size)[0] > kMaxSide || (*size)[1] > kMaxSide)
-      refuse(text, fmt::format("size '{}' is not a size such as 1920x1080", option));
-    request.width = (*size)[0];
-    request.height = (*size)[1];
-  } else if (key == "format") {
-    request.pixel_format = option;
-    if (layout_named(request.pixel_format) == nullptr)
-      refuse(text, fmt::format("format '{}' is not known", option));
-  } else if (key == "rate") {
-    const auto rate = number_from<double>(option);
-    if (!rate || !(*rate >= 0.1 && *rate <= 1000.0))
-      refuse(text, fmt::format("rate '{}' is not 0.1 to 1000", option));
-    request.frames_per_second = *rate;
-  } else {
-    refuse(text, fmt::format("unknown option '{}'; there are size, format and rate", key));
-  }
-}
-
 }  // namespace
-
-CaptureSpec parse_capture(const std::string& text) {
-  std::string_view options(text);
-  options.remove_prefix(std::min(options.size(), kPrefix.size()));
-  std::string_view names = take_until(options, '?');
-  CaptureSpec spec{.devices = {},
-                   .request = {.frames_per_second = kUsualRate, .for_display = true}};
-  do {
-    spec.devices.emplace_back(take_until(names, ','));
-    if (spec.devices.back().empty()) refuse(text, "a device is missing");
-  } while (!names.empty());
-  if (spec.devices.size() > kMostCameras)
-    refuse(text, fmt::format("more than {} devices", kMostCameras));
-  while (!options.empty()) read_option(text, take_until(options, '&'), spec.request);
-  return spec;
-}
 
 nlohmann::ordered_json to_json(const CaptureStatistics& statistics) {
   return {{"device", statistics.device},

@@ -20,19 +20,9 @@
 #include "frames/capture/code_converter.h"
 #include "frames/frame_source.h"
 #include "player/playback/play_statistics.h"
+#include "player/sources/source_spec.h"
 
 namespace lenticule::player {
-
-/// The most cameras of one source.
-inline constexpr size_t kMostCameras = 16;
-
-struct CaptureSpec {
-  std::vector<std::string> devices;
-  frames::capture::FormatRequest request;
-};
-
-/// Parses "v4l2:/dev/video0,/dev/video2?size=1920x1080&format=MJPG&rate=60". Throws Error(Usage).
-[[nodiscard]] CaptureSpec parse_capture(const std::string& text);
 
 /// CaptureStatistics is written by the threads that capture and weave. Thread safety: any thread
 /// reads; each member has one writer at a time.

@@ -18,7 +18,6 @@
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/views_input/content_name.h"
-#include "player/sources/capture_source.h"
 #include "player/sources/video_probe.h"
 
 namespace lenticule::player {

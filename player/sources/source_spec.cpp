@@ -12,6 +12,7 @@
 #include "base/file.h"
 #include "base/numbers.h"
 #include "base/text.h"
+#include "frames/capture/pixel_layout.h"
 #include "frames/image_format.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
@@ -90,6 +91,38 @@ std::optional<uint64_t> frame_number(std::string_view text) {
   return number.value_or(kMostFrames + 1) > kMostFrames ? std::nullopt : number;
 }
 
+constexpr double kUsualLiveRate = 60.0;
+
+[[noreturn]] void refuse_live(const std::string& text, const std::string& what) {
+  throw Error(ErrorKind::Usage, fmt::format("source '{}': {}", text, what),
+              "for example v4l2:/dev/video0, v4l2:/dev/video0,/dev/video2 or "
+              "'v4l2:/dev/video0?size=1920x1080&format=MJPG&rate=60'");
+}
+
+void read_option(const std::string& text, std::string_view option,
+                 frames::capture::FormatRequest& request) {
+  const std::string_view key = take_until(option, '=');
+  if (key == "size") {
+    const auto size = numbers_from<int, 2>(option, 'x');
+    if (!size || (*size)[0] < 1 || (*size)[1] < 1 || (*size)[0] > frames::capture::kMaxSide ||
+        (*size)[1] > frames::capture::kMaxSide)
+      refuse_live(text, fmt::format("size '{}' is not a size such as 1920x1080", option));
+    request.width = (*size)[0];
+    request.height = (*size)[1];
+  } else if (key == "format") {
+    request.pixel_format = option;
+    if (frames::capture::layout_named(request.pixel_format) == nullptr)
+      refuse_live(text, fmt::format("format '{}' is not known", option));
+  } else if (key == "rate") {
+    const auto rate = number_from<double>(option);
+    if (!rate || !(*rate >= 0.1 && *rate <= 1000.0))
+      refuse_live(text, fmt::format("rate '{}' is not 0.1 to 1000", option));
+    request.frames_per_second = *rate;
+  } else {
+    refuse_live(text, fmt::format("unknown option '{}'; there are size, format and rate", key));
+  }
+}
+
 }  // namespace
 
 bool is_m3u_name(const std::string& file) {
@@ -161,6 +194,22 @@ SourceSpec SourceSpec::in_folder(const fs::path& folder) const {
     moved.text += fs::path(name).is_relative() ? (folder / name).string() : name;
   }
   return moved;
+}
+
+CaptureSpec parse_capture(const std::string& text) {
+  std::string_view options(text);
+  options.remove_prefix(std::min(options.size(), std::string_view("v4l2:").size()));
+  std::string_view names = take_until(options, '?');
+  CaptureSpec spec{.devices = {},
+                   .request = {.frames_per_second = kUsualLiveRate, .for_display = true}};
+  do {
+    spec.devices.emplace_back(take_until(names, ','));
+    if (spec.devices.back().empty()) refuse_live(text, "a device is missing");
+  } while (!names.empty());
+  if (spec.devices.size() > kMostCameras)
+    refuse_live(text, fmt::format("more than {} devices", kMostCameras));
+  while (!options.empty()) read_option(text, take_until(options, '&'), spec.request);
+  return spec;
 }
 
 std::vector<FileMark> marks_of_source(const SourceSpec& source) {

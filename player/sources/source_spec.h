@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/file.h"
+#include "frames/capture/capture_format.h"
 
 namespace lenticule::player {
 
@@ -98,6 +99,17 @@ struct SourceSpec {
 /// slash that it lacks.
 [[nodiscard]] SourceSpec parse_source(std::string text, ContentFlags content = {},
                                       const std::filesystem::path& folder = {});
+
+/// The most cameras of one source.
+inline constexpr size_t kMostCameras = 16;
+
+struct CaptureSpec {
+  std::vector<std::string> devices;
+  frames::capture::FormatRequest request;
+};
+
+/// Parses "v4l2:/dev/video0,/dev/video2?size=1920x1080&format=MJPG&rate=60". Throws Error(Usage).
+[[nodiscard]] CaptureSpec parse_capture(const std::string& text);
 
 /// Returns true for a name that ends in .m3u or .m3u8, in any case.
 [[nodiscard]] bool is_m3u_name(const std::string& file);
