@@ -247,8 +247,9 @@ TEST_F(Output, ThePageOfStatisticsNamesEveryKeyAndNoOther) {
   };
   for (const std::string& key : keys)
     EXPECT_TRUE(named(key) || named(key.substr(key.rfind('.') + 1))) << key << " is missing";
-  // These need a graphics card.
-  keys.insert({"exactness", "kms", "kms.largest_skew_us", "kms.one_commit", "video_decoder"});
+  // These need a graphics card or a camera.
+  keys.insert(
+      {"exactness", "kms", "kms.largest_skew_us", "kms.one_commit", "live", "video_decoder"});
   for (const std::string& key : documented_keys(page("statistics.md")))
     EXPECT_TRUE(keys.contains(key)) << key << " does not exist";
 }

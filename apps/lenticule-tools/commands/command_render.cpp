@@ -180,10 +180,11 @@ class RenderRun {
   RenderRun(const RenderCommandFlags& flags, FilmPanel panel, std::string target)
       : flags_(flags),
         target_(std::move(target)),
+        adapted_(flags.adapt_rate ? std::make_optional<AdaptedError>(*flags.adapt_rate)
+                                  : std::nullopt),
         range_(player::parse_frame_range(flags.render.frames)),
         film_(flags.render, std::move(panel), range_, !flags.missing.empty()),
         output_(open_output(output_request(target_))) {
-    if (flags.adapt_rate) adapted_.emplace(*flags.adapt_rate);
     if (flags.missing.empty()) return;
     if (film_.method().missing_subpixels() == nullptr)
       throw Error(ErrorKind::Usage, fmt::format("--missing: method {} leaves no subpixel empty",
