@@ -190,7 +190,8 @@ size_t Playlist::beside(size_t index, int64_t step, uint64_t round) const {
 NextItem next_item(const Playlist& list, std::optional<size_t> after, uint64_t rounds_done,
                    LocalTime now) {
   const size_t scheduled = list.items_scheduled(now);
-  const auto last = list.shuffle && scheduled > 1 ? after : std::nullopt;  // not twice in a row
+  // The item that must not follow itself, or none.
+  const size_t last = list.shuffle && scheduled > 1 ? after.value_or(SIZE_MAX) : SIZE_MAX;
   // Each item is in at least one of kMaxWeight rounds.
   for (uint64_t round = rounds_done; round <= rounds_done + kMaxWeight && !list.items.empty();
        ++round, after.reset()) {

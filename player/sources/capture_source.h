@@ -82,7 +82,7 @@ class LiveCameras {
 
 struct OpenedCapture {
   std::unique_ptr<frames::FrameSource> pictures;
-  std::shared_ptr<CaptureStatistics> statistics;
+  std::shared_ptr<CaptureStatistics> statistics{};
 };
 
 /// Opens cameras, or shares those that another item of this process shows by the same name. pull()
