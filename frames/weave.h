@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What weaving means: filters, the place of views on the panel, weights of views, and back again
-// from a woven frame to its views. FastWeaver weaves.
+// Weaving is defined here: filters, the place of views on the panel and their weights; and the way
+// back, from a woven frame to its views. FastWeaver weaves.
 #pragma once
 
 #include <optional>

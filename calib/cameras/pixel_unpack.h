@@ -212,7 +212,7 @@ class PixelUnpacker {
         const float upright = 0.5F * (above[x] + below[x]);
         const float corners = 0.25F * (above[left] + above[right] + below[left] + below[right]);
         const bool green = ((x & 1) == layout_.red_column) != red_row;
-        // Of red and blue, one is that of the row's filters.
+        // One of red and blue has its filters in this row.
         const float of_row = green ? beside : here[x];
         const float other = green ? upright : corners;
         rgb[0] = red_row ? of_row : other;

@@ -53,8 +53,8 @@ struct SinglePhotoChart {
   int fringes = 0;                  ///< F, across the panel
   int bands = 0;                    ///< number of bands of equal height
   double contrast = 0.9;            ///< A
-  /// From the top left: three rows of three, or four in the corners and one in the middle. Their
-  /// ids depend on the starting rig, so that a photograph of another rig's chart is detected.
+  /// Tags from the top left: three rows of three, or four in the corners and one in the middle.
+  /// Their ids depend on the starting rig, so that a photograph of another rig's chart is detected.
   std::vector<ChartTag> tags;
   std::vector<ScalePatch> patches;
 

@@ -126,7 +126,7 @@ class CodeConverter {
   RawFormat format_;
   size_t bytes_needed_;
   std::array<int32_t, 256> luma_{}, red_cr_{}, green_cb_{}, green_cr_{}, blue_cb_{};
-  std::array<uint8_t, 256> code_{};  ///< of luma alone or of R'G'B'
+  std::array<uint8_t, 256> code_{};  ///< codes of luma alone, or of R'G'B'
 };
 
 }  // namespace lenticule::frames::capture

@@ -198,7 +198,7 @@ inline constexpr std::array kLayouts{
 /// PackedUnit is the shortest part of a row that holds whole pixels.
 struct PackedUnit {
   int pixels;  ///< 1, or 2 that share their chroma
-  int bytes;   ///< in each plane
+  int bytes;   ///< bytes of a unit in each plane
 };
 [[nodiscard]] constexpr PackedUnit unit_of(Packing packing) {
   constexpr PackedUnit kUnits[] = {{1, 1}, {1, 2}, {1, 1}, {2, 4}, {2, 2}, {1, 3}, {1, 0}};

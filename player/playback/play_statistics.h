@@ -183,7 +183,7 @@ struct PresenterStatistics : PresenterCounts<Counter> {
   Counter first_vblank_ns;  ///< display clock
   Counter last_sequence;
   Counter last_vblank_ns;
-  LatencyHistogram capture_to_submit;  ///< of live frames
+  LatencyHistogram capture_to_submit;  ///< age of live frames
   LatencyHistogram submit_to_flip;
   LatencyHistogram wake;  ///< time from the vblank until the presenter runs
 };

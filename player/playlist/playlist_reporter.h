@@ -58,7 +58,7 @@ struct PlaylistStatus {
   frames::FrameDamage damage{};  ///< total over all items so far
   /// The damaged items, by source.
   std::map<std::string, frames::FrameDamage> damaged_items{};
-  std::shared_ptr<const CaptureStatistics> live{};  ///< of the item; null if it is not live
+  std::shared_ptr<const CaptureStatistics> live{};  ///< figures of a live item, else null
   bool opening = false;                             ///< the target of a jump is being opened
   std::string cued{};                               ///< source of the cued item; empty if none
   std::string interrupted{};  ///< source that continues after the interruption; empty without one

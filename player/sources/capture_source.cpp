@@ -82,7 +82,7 @@ struct LiveCameras::Camera {
   };
   std::vector<Held> held{};          ///< not used yet, oldest first
   Nanoseconds time{0};               ///< stamp of the last picture
-  std::optional<uint64_t> number{};  ///< of the last picture
+  std::optional<uint64_t> number{};  ///< driver's number of the last picture
   Nanoseconds waited{0};             ///< without a picture
 };
 

@@ -48,7 +48,7 @@ struct RigOptions {
   RigWallFlags wall;
   bool reset_trim = false;
   bool as_json = false;
-  ExitCode (*action)(const RigOptions&) = nullptr;  ///< of the given subcommand
+  ExitCode (*action)(const RigOptions&) = nullptr;  ///< runs the given subcommand
 };
 
 using nlohmann::json;
