@@ -28,7 +28,7 @@ struct HandResult {
   bool fitted = false;               ///< the fit gave a rig, accepted or not
   double error_lenses = 0.0;         ///< worst_error() of that rig
   double stated_lenses = 0.0;        ///< largest error that the calibration states
-  std::vector<std::string> reasons;  ///< of the verdict, then warnings
+  std::vector<std::string> reasons;  ///< those of the verdict, then warnings
   double fit_seconds = 0.0;          ///< time of the joint fit
 };
 
@@ -92,7 +92,7 @@ struct WrongWay {
 struct WrongWayResult {
   HandOutcome outcome = HandOutcome::Refused;
   bool cause_named = false;  ///< true if a refusal has one of the way's causes
-  std::string blamed;        ///< what a refusal blames, in a few words for tables
+  std::string blamed;        ///< the cause that a refusal names, in a few words for tables
   double error_lenses = 0.0;
   std::string reason;  ///< the first; empty if the calibration was accepted
 };
