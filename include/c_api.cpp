@@ -84,7 +84,8 @@ lenticule_status misuse(const char* what) noexcept {
 }
 
 RendererHello hello_of(const lenticule_hello* said) {
-  RendererHello hello{.name = "unnamed"};
+  RendererHello hello;
+  hello.name = "unnamed";
   if (!said) return hello;
   if (said->name) hello.name = said->name;
   if (said->rig_fingerprint) hello.rig_fingerprint = said->rig_fingerprint;
