@@ -40,8 +40,8 @@ endif()
 target_compile_options(lenticule_options INTERFACE
   -Wall -Wextra -Wpedantic ${LENTICULE_SOURCE_WARNINGS} -Wnon-virtual-dtor -Wimplicit-fallthrough -Wconversion
   -Wno-sign-conversion $<$<COMPILE_LANGUAGE:CXX>:-Wold-style-cast>
-  # What an initialiser leaves out has its default; since version 18 clang warns of these, too.
-  $<$<CXX_COMPILER_ID:Clang>:-Wno-missing-field-initializers>
+  # What an initialiser leaves out has its default. Which of these the compilers warn of differs.
+  -Wno-missing-field-initializers
   $<$<BOOL:${LENTICULE_WERROR}>:-Werror>)
 if(LENTICULE_BATCHES AND LENTICULE_WERROR)
   target_compile_options(lenticule_options INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-error=array-bounds;-Wno-error=maybe-uninitialized;-Wno-error=stringop-overflow;-Wno-error=stringop-overread>)

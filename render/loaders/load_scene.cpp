@@ -114,14 +114,19 @@ void require_file(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(status))
     throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
   const std::string extension = lower_case(file.extension().string());
-  for (const std::string_view shown : {".png", ".jpg", ".jpeg", ".lts"})
-    if (extension == shown)
-      throw Error(ErrorKind::Input, file.string() + ": a picture or a film, not a model",
-                  "show it with lenticule play");
-  std::array<char, 64> head{};
-  if (std::ifstream(file, std::ios::binary).read(head.data(), head.size()).gcount() == 0)
+  std::array<char, 64> bytes{};
+  if (std::ifstream(file, std::ios::binary).read(bytes.data(), bytes.size()).gcount() == 0)
     throw Error(ErrorKind::Input, file.string() + ": empty, or cannot be read", "copy it anew");
-  if (const auto is = recognise_misnamed({head.data(), head.size()}, extension))
+  const std::string_view head(bytes.data(), bytes.size());
+  bool is_shown = head.substr(4, 4) == "ftyp";  // MP4, MOV, HEIC, AVIF
+  for (const std::string_view begin : {"\x1a\x45\xdf\xa3", "RIFF", "GIF8"})
+    is_shown |= head.starts_with(begin);
+  for (const std::string_view name : {".png", ".jpg", ".jpeg", ".lts"})
+    is_shown |= extension == name;
+  if (is_shown)
+    throw Error(ErrorKind::Input, file.string() + ": a picture or a film, not a model",
+                "show it with lenticule play");
+  if (const auto is = recognise_misnamed(head, extension))
     throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), is->what),
                 std::string(is->remedy));
 }
