@@ -47,9 +47,7 @@ struct Ball {
 
 Ball ball_around(const Scene& scene) {
   Box bounds;
-  for (const MeshShape& mesh : scene.meshes)
-    // The last position is padding, not a vertex.
-    for (size_t i = 0; i + 1 < mesh.positions.size(); ++i) bounds.extend(Vec3(mesh.positions[i]));
+  for (const MeshShape& mesh : scene.meshes) bounds.extend(box_of(mesh));
   for (const SphereShape& sphere : scene.spheres) bounds.extend(box_of(sphere));
   for (const ConeShape& cone : scene.cones) bounds.extend(box_of(cone));
   if (bounds.empty()) return {};
@@ -253,16 +251,24 @@ std::shared_ptr<const GroundShadow> cast_ground_shadow(const Scene& scene,
 /// drops the primitive.
 constexpr double kFarthest = 1e15;
 
-/// Distance on the panel between the possible origins of scene frames, and an offset, so that the
-/// points that files prefer as centres do not lie halfway between two of them, where rounding
-/// decides.
-constexpr double kOriginStepMm = 1024.0;
+/// Scene units between the possible origins of scene frames, and an offset: the points that files
+/// prefer as centres do not lie halfway between two of them, where rounding decides.
+constexpr double kOriginStep = 1024.0;
 constexpr double kBesideHalf = 0.118034;
 
 /// Returns the number without its last bits, which rounding changes while a stage turns.
 double shortened(double number) {
   const double high = number * 8193.0;  // 2^13 + 1: 40 bits remain
   return high - (high - number);
+}
+
+/// Returns a power of two near the number, whose products are exact. The limit between two powers
+/// is a ratio that scales seldom have; rounding decides there.
+double power_of_two_near(double number) {
+  constexpr double kLimit = 0.763932;
+  int exponent = 0;
+  const double fraction = std::frexp(number, &exponent);
+  return number / fraction * (fraction < kLimit ? 0.5 : 1.0);
 }
 
 /// Largest number of primitives for which a culling tree is built: above it, the build takes longer
@@ -322,12 +328,11 @@ class Committer {
   [[nodiscard]] SceneFrame frame() const {
     const Affine& world_from_panel = stage_.world_from_panel;
     const double world_per_mm = length(world_from_panel.column_x);
-    const double volume = world_from_panel.determinant();
-    const double units_per_world = shortened(1.0 / world_per_mm);
-    if (!(world_per_mm > 0.0) || !std::isfinite(units_per_world) || !std::isfinite(volume) ||
-        volume == 0.0 || !is_finite(world_from_panel.origin))
+    const double units_per_world = power_of_two_near(1.0 / world_per_mm);
+    if (!(world_per_mm > 0.0) || !std::isfinite(units_per_world) ||
+        !std::isnormal(world_from_panel.determinant()) || !is_finite(world_from_panel.origin))
       refuse("stage", "has no usable size");
-    const double step = kOriginStepMm / units_per_world;
+    const double step = kOriginStep / units_per_world;
     const auto near = [&](double v) { return std::round(v / step + kBesideHalf) * step; };
     const Vec3& centre = world_from_panel.origin;
     return {units_per_world,
@@ -343,13 +348,19 @@ class Committer {
     scene_.scene_from_panel = {world_from_panel.column_x * units, world_from_panel.column_y * units,
                                world_from_panel.column_z * units,
                                (world_from_panel.origin - origin) * units};
+    const double before = scene_.units_per_mm;
+    scene_.units_per_mm = shortened(length(scene_.scene_from_panel.column_x));
+    if (scene_.shaft_cache && scene_.units_per_mm != before) scene_.shaft_cache->forget_sizes();
     set_near(surroundings.ground && !scene_.meshes.empty());
     turn_to(stage_, scene_.backdrop);
     SceneMixer mixer;
     mixer.add(scene_.described.first, scene_.described.second);
     // The default sun and the studio stand beside the viewer.
     if (is_unlit()) mixer.add(world_direction(stage_, kDefaultSunDirection));
-    if (has_default_sun()) scene_.lights = {default_light()};
+    if (has_default_sun())
+      scene_.lights = {{.kind = Light::Kind::Directional,
+                        .direction = world_direction(stage_, kDefaultSunDirection),
+                        .colour = Vec3{1, 1, 1} * kDefaultSun}};
     scene_.content = mixer.value();
     scene_.picture = picture_fingerprint(scene_.content, stage_);
   }
@@ -359,15 +370,12 @@ class Committer {
     const Affine map = scene_.scene_from_panel.inverse();
     const Vec3 depth{map.column_x.z, map.column_y.z, map.column_z.z};
     double nearest = -std::numeric_limits<double>::infinity();
-    const auto see_point = [&](Vec3 p) {
-      nearest = std::max(nearest, dot(depth, p) + map.origin.z);
-    };
+    const auto meet = [&](Vec3 p) { nearest = std::max(nearest, dot(depth, p) + map.origin.z); };
     const auto see = [&](const MeshShape& mesh) {
-      // The last position is padding, not a vertex.
-      for (size_t n = 0; n + 1 < mesh.positions.size(); ++n) see_point(Vec3(mesh.positions[n]));
+      for (const Vec3f& p : mesh.vertices()) meet(Vec3(p));
       for (const uint32_t number : mesh.wide)
         if (number != MeshShape::kNotWide)
-          std::ranges::for_each(scene_.wide_triangles[number].corner, see_point);
+          std::ranges::for_each(scene_.wide_triangles[number].corner, meet);
     };
     for (size_t n = 0; n + size_t{has_ground} < scene_.meshes.size(); ++n) see(scene_.meshes[n]);
     for (const SphereShape& sphere : scene_.spheres)
@@ -497,7 +505,11 @@ class Committer {
     shape.material = material_index(mesh.material, object);
     shape.triangles = mesh.triangles;
     shape.uvs = mesh.uvs;
-    if (is_pbr_) add_pbr_vertices(mesh, shape);
+    if (is_pbr_) {
+      shape.uvs2 = mesh.uvs2;
+      shape.colours = mesh.colours;
+      shape.tangents = mesh.tangents;
+    }
     shape.positions.reserve(mesh.positions.size() + 1);
     std::vector<Vec3> exact;
     exact.reserve(mesh.positions.size());
@@ -561,12 +573,6 @@ class Committer {
     const double x = length(map.column_x), y = length(map.column_y), z = length(map.column_z);
     const auto [least, most] = std::minmax({x, y, z});
     return least > kSmallest && most < kLargest && 2.0 * std::abs(map.determinant()) > x * y * z;
-  }
-
-  static void add_pbr_vertices(const TriangleMesh& mesh, MeshShape& shape) {
-    shape.uvs2 = mesh.uvs2;
-    shape.colours = mesh.colours;
-    shape.tangents = mesh.tangents;
   }
 
   void find_wide_triangles(const std::vector<Vec3>& positions, MeshShape& shape) {
@@ -646,11 +652,6 @@ class Committer {
 
   /// Returns false for a file that states an ambient light: it defines its own lighting.
   [[nodiscard]] bool has_default_sun() const { return is_unlit() && !is_pbr_; }
-  SceneLight default_light() const {
-    return {.kind = Light::Kind::Directional,
-            .direction = world_direction(stage_, kDefaultSunDirection),
-            .colour = Vec3{1, 1, 1} * kDefaultSun};
-  }
 
   void build() {
     const RTCDevice device = scene_.device.get();

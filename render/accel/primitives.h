@@ -121,8 +121,8 @@ inline Roots meet(const ConeShape& cone, Vec3 origin, Vec3 direction) {
 // that extends to the horizon this error is larger than the objects on it: shadows would be
 // displaced from the objects that cast them.
 
-/// Scene units, which are millimetres on the panel. Shapes wider than this, and wider than their
-/// distance, are intersected and shaded in double precision.
+/// Scene units, of 0.76 to 1.53 millimetres on the panel. Shapes wider than this, and wider than
+/// their distance, are intersected and shaded in double precision.
 inline constexpr double kWidest = 2048.0;
 
 /// Returns the extent to use in rounding margins: the rounding error on a shape is proportional to

@@ -92,10 +92,6 @@ class BeamTester {
            shape.high < std::min(lower(at_panel, slope, z.low), lower(at_panel, slope, z.high));
   }
 
-  static bool misses_triangle(const Beam& beam, const std::array<Vec3, 3>& corners, double room) {
-    const auto in_front = [&](Vec3 p) { return p.z > beam.start_mm + room; };
-    return std::ranges::all_of(corners, in_front) || beside_corners(beam, corners, room);
-  }
   [[nodiscard]] Vec3 on_panel(Vec3f point) const { return panel_from_scene_.point(Vec3(point)); }
   /// Tests the box around a box of the scene frame.
   [[nodiscard]] bool misses_box(const Beam& beam, Vec3f low, Vec3f high) const {
@@ -116,7 +112,9 @@ class BeamTester {
     const std::array<Vec3, 3> corners_mm = {on_panel(a), on_panel(b), on_panel(c)};
     const double size = std::max(
         {largest_size(corners_mm[0]), largest_size(corners_mm[1]), largest_size(corners_mm[2])});
-    return misses_triangle(beam, corners_mm, margin_ * sum_of_sizes(beam, size));
+    const double room = margin_ * sum_of_sizes(beam, size);
+    const auto in_front = [&](Vec3 p) { return p.z > beam.start_mm + room; };
+    return std::ranges::all_of(corners_mm, in_front) || beside_corners(beam, corners_mm, room);
   }
 
   const Scene& scene_;

@@ -148,11 +148,11 @@ enum class ShaftResult : uint8_t {
   Blocked = 3,  ///< each ray meets something before it reaches the light
 };
 
-/// Sizes of the scene's area lights, and length of the ambient rays.
+/// Sizes of the scene's area lights, and length of the ambient rays, in scene units.
 struct SoftSizes {
-  double light_radius = 0.0;  ///< radius of point and spot lights, in scene units; 0 for points
+  double light_radius = 0.0;  ///< radius of point and spot lights; 0 for points
   double sun_tangent = 0.0;   ///< directional lights: tangent of the angular radius
-  double around = 0.0;        ///< length of ambient rays, in scene units
+  double around = 0.0;        ///< length of ambient rays
   friend bool operator==(const SoftSizes&, const SoftSizes&) = default;
 };
 
@@ -169,6 +169,8 @@ class ShaftCache {
   /// Returns the cache for other light sizes than zero. The first call for given sizes allocates
   /// the cache. Lifetime: the returned cache lives as long as this object.
   [[nodiscard]] ShaftCache& with_sizes(SoftSizes sizes);
+  /// Frees the caches for other sizes. No frame may be rendered meanwhile.
+  void forget_sizes() { others_.clear(); }
 
   /// Returns the number of a cell for queries; below 2^50. See render/scene/surface_cells.h for
   /// `place`.

@@ -211,12 +211,9 @@ void DepthRecorder::note(int column, const RayPacket& packet) {
   }
 }
 
-CellCulling::CellCulling(const RenderOptions& options, const SoftShader& soft)
+CellCulling::CellCulling(const RenderOptions& options)
     : kernel_(shading_kernel_for(options.isa)),
       enabled_(options.use_shaft_culling),
-      samples_area_lights_(soft.samples_area_lights()),
-      looks_around_(soft.looks_around()),
-      sizes_(soft.sizes()),
       light_answers_(size_t{1} << kAnswersLog2),
       open_answers_(size_t{1} << kAnswersLog2),
       area_light_payoff_(static_cast<uint32_t>(options.soft.shadow_samples)),
@@ -240,15 +237,15 @@ void CellCulling::Payoff::asked(bool packet_saved) {
   asked_ = saved_ = 0;
 }
 
-void CellCulling::look_at(const Scene& scene, const RayPacket& packet,
+void CellCulling::look_at(const Scene& scene, const SoftShader& soft, const RayPacket& packet,
                           const shading_kernel::Surfaces& surfaces, Cells& cells) {
   cells.point_lights = cells.area_lights = cells.around = cells.mirrored = false;
   if (!enabled_ || scene.shaft_cache == nullptr) return;
-  if ((samples_area_lights_ || looks_around_) && soft_cache_ == nullptr)
-    soft_cache_ = &scene.shaft_cache->with_sizes(sizes_);
+  if ((soft.samples_area_lights() || soft.looks_around()) && soft_cache_ == nullptr)
+    soft_cache_ = &scene.shaft_cache->with_sizes(soft.sizes(scene));
   cells.point_lights = point_payoff_.worth_asking();
-  cells.area_lights = samples_area_lights_ && area_light_payoff_.worth_asking();
-  cells.around = looks_around_ && around_payoff_.worth_asking();
+  cells.area_lights = soft.samples_area_lights() && area_light_payoff_.worth_asking();
+  cells.around = soft.looks_around() && around_payoff_.worth_asking();
   cells.mirrored = surfaces.any_specular != 0 && mirrored_payoff_.worth_asking();
   if (!cells.point_lights && !cells.area_lights && !cells.around && !cells.mirrored) return;
   cells.packet = &packet;
@@ -433,7 +430,7 @@ PacketTracer::PacketTracer(const RenderOptions& options)
     : isa_(options.isa),
       kernel_(shading_kernel_for(options.isa)),
       soft_(options.soft, options.isa),
-      culling_(options, soft_),
+      culling_(options),
       is_soft_(options.soft.any()),
       // The light from a sampled environment has no upper bound, so weak rays cannot be skipped.
       skip_weak_(options.skip_weak_rays && options.samples == 1 &&
@@ -588,7 +585,7 @@ void PacketTracer::shade(const Scene& scene, const RayPacket& packet, const floa
   if (cache_ != nullptr)
     cache_->record_surfaces(bounce_of(generation.path, depth), packet, surfaces, weight);
   if (surfaces.any_textured) apply_textures(scene, packet, surfaces);
-  culling_.look_at(scene, packet, surfaces, generation.cells);
+  culling_.look_at(scene, soft_, packet, surfaces, generation.cells);
   add_own_light(scene, weight, depth);
   add_lights(scene, weight, depth);
   if (cache_ != nullptr && depth == 0)
@@ -675,7 +672,7 @@ void PacketTracer::add_lights(const Scene& scene, const float* weight, size_t de
   rays.valid = lanes_.shadow_valid;
   const std::vector<shading_kernel::Light>& lights = scene.shading->lights();
   for (size_t light = 0; light < lights.size(); ++light) {
-    if (soft_.samples(lights[light])) {
+    if (soft_.samples(scene, lights[light])) {
       add_soft_light(scene, light, weight, depth);
       continue;
     }

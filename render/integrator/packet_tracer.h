@@ -63,7 +63,7 @@ class DepthRecorder {
 /// thread.
 class CellCulling {
  public:
-  CellCulling(const RenderOptions& options, const SoftShader& soft);
+  explicit CellCulling(const RenderOptions& options);
 
   /// Cells holds the surface cells that a packet met, and which kinds of queries are worthwhile.
   struct Cells {
@@ -79,7 +79,7 @@ class CellCulling {
   };
   /// Decides which queries to make for a packet, and finds its cells if there are any. Lifetime:
   /// packet and surfaces must outlive the queries.
-  void look_at(const Scene& scene, const RayPacket& packet,
+  void look_at(const Scene& scene, const SoftShader& soft, const RayPacket& packet,
                const shading_kernel::Surfaces& surfaces, Cells& cells);
 
   // Each query takes and returns bit masks of lanes. If its kind is not worthwhile, nothing is
@@ -131,9 +131,6 @@ class CellCulling {
 
   const shading_kernel::Kernel& kernel_;
   bool enabled_;
-  bool samples_area_lights_;
-  bool looks_around_;
-  SoftSizes sizes_;
   ShaftCache* soft_cache_ = nullptr;  ///< the scene's cache for the sizes of sampled lights
   static constexpr unsigned kAnswersLog2 = 10;
   std::vector<LightAnswers> light_answers_;

@@ -289,8 +289,7 @@ SweepPrimitives::SweepPrimitives(const Scene& scene, const RowPlanes& planes, do
 void SweepPrimitives::add_mesh(const MeshShape& mesh, uint32_t geometry) {
   const auto first = static_cast<uint32_t>(corners_.size());
   corners_.reserve(corners_.size() + mesh.positions.size());
-  for (size_t n = 0; n + 1 < mesh.positions.size(); ++n)
-    corners_.push_back(panel_from_scene_.point(Vec3(mesh.positions[n])));
+  for (const Vec3f& p : mesh.vertices()) corners_.push_back(panel_from_scene_.point(Vec3(p)));
   triangles_.reserve(triangles_.size() + mesh.triangles.size());
   for (size_t n = 0; n < mesh.triangles.size(); ++n) {
     const auto& t = mesh.triangles[n];

@@ -2,18 +2,19 @@
 // Scene holds a scene committed to Embree: Embree's structures and all shading data, in the scene
 // frame.
 //
-// The scene frame has the world's axes. One unit is one millimetre on the panel, and the origin
-// lies less than a metre from the panel's centre along each axis. In the scene frame single
-// precision resolves a fraction of a subpixel, independent of the scene's units and of its distance
-// from the world origin. The frame stays the same while the stage turns, or moves a little, so the
-// primitives and Embree's structures can stay, too (SceneKeeper). render/commit_scene.cpp makes the
-// scene.
+// The scene frame has the world's axes. Its unit, the world's times a power of two, is 0.76 to 1.53
+// millimetres on the panel, and its origin lies less than a metre from the panel's centre along
+// each axis. In it single precision resolves a fraction of a subpixel, independent of the scene's
+// units and of its distance from the world origin. The frame stays the same while the stage turns
+// and while its place and scale change little, and so do the primitives and Embree's structures
+// (SceneKeeper). render/commit_scene.cpp makes the scene.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -55,7 +56,16 @@ struct MeshShape {
     const auto& [a, b, c] = triangles[triangle];
     return {positions[a], positions[b], positions[c]};
   }
+  /// Returns the positions without the last one.
+  [[nodiscard]] std::span<const Vec3f> vertices() const {
+    return std::span(positions).first(positions.size() - 1);
+  }
 };
+[[nodiscard]] inline Box box_of(const MeshShape& mesh) {
+  Box box;
+  for (const Vec3f& p : mesh.vertices()) box.extend(Vec3(p));
+  return box;
+}
 
 /// A light in the scene frame; its node has no meaning.
 using SceneLight = Light;
@@ -69,7 +79,7 @@ struct GeometryEntry {
 /// SceneFrame is everything of a stage on which the primitives of a scene depend. Stages that
 /// differ by a turn, or a little, have the same.
 struct SceneFrame {
-  double units_per_world = 1.0;
+  double units_per_world = 1.0;    ///< power of two
   Vec3 origin{};                   ///< world point
   Vec3 up{};                       ///< world_up(): a ground plane faces it
   std::optional<Ground> ground{};  ///< Stage::ground, for the shadow
@@ -119,11 +129,12 @@ struct Scene {
   bool colour_managed = true;
 
   SceneFrame frame;
-  Affine scene_from_panel;  ///< millimetres in the panel frame to scene frame
-  double near_mm = 0.0;     ///< panel z of the nearest point that may be displayed
-  Fingerprint described;    ///< scene_fingerprint()
-  Fingerprint content;      ///< fingerprint of `described` and of the light at the viewer
-  Fingerprint picture;      ///< picture_fingerprint()
+  Affine scene_from_panel;    ///< millimetres in the panel frame to scene frame
+  double units_per_mm = 1.0;  ///< scene units in a millimetre along the panel's rows
+  double near_mm = 0.0;       ///< panel z of the nearest point that may be displayed
+  Fingerprint described;      ///< scene_fingerprint()
+  Fingerprint content;        ///< fingerprint of `described` and of the light at the viewer
+  Fingerprint picture;        ///< picture_fingerprint()
 
   std::unique_ptr<const ShadingTables> shading;  ///< shading tables of all members above
   /// Set if any material is metallic-roughness. Then all are: others are converted.

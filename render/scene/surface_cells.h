@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Division of surfaces into cells of a few millimetres. The shading kernel finds the cell of a
-// point; render/culling/shaft.cpp computes the geometry of a cell.
+// Division of surfaces into cells of a few millimetres on the panel. The shading kernel finds the
+// cell of a point; render/culling/shaft.cpp computes the geometry of a cell.
 #pragma once
 
 #include <cstdint>
 
 namespace lenticule::render {
 
-/// Approximate width of a cell, in millimetres on the panel.
+/// Approximate width of a cell, in scene units.
 inline constexpr float kCellSize = 4.0F;
 /// Bits of a cell number along each direction, which limit the cells per primitive: the ground of a
 /// scene may be metres wide.

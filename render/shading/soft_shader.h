@@ -158,8 +158,8 @@ class SoftShader {
   [[nodiscard]] bool integrates_area_lights() const { return integrates_; }
 
   /// Returns true if the area light is sampled; other lights have hard shadows.
-  [[nodiscard]] bool samples(const shading_kernel::Light& area_light) const {
-    return radius(area_light) > 0;
+  [[nodiscard]] bool samples(const Scene& scene, const shading_kernel::Light& area_light) const {
+    return radius(scene, area_light) > 0;
   }
   [[nodiscard]] bool samples_area_lights() const { return options_.shadow_samples > 0; }
   /// Returns true if it is useful to know that no geometry is near a surface.
@@ -170,11 +170,12 @@ class SoftShader {
   [[nodiscard]] bool samples_ambient() const { return ambient_samples() > 0; }
 
   /// Returns the sizes of the sampled lights.
-  [[nodiscard]] SoftSizes sizes() const {
+  [[nodiscard]] SoftSizes sizes(const Scene& scene) const {
     SoftSizes sizes;
     if (samples_area_lights())
-      sizes = {.light_radius = options_.light_radius_mm, .sun_tangent = double{sun_tangent_}};
-    if (looks_around()) sizes.around = options_.occlusion_distance_mm;
+      sizes = {.light_radius = options_.light_radius_mm * scene.units_per_mm,
+               .sun_tangent = double{sun_tangent_}};
+    if (looks_around()) sizes.around = options_.occlusion_distance_mm * scene.units_per_mm;
     return sizes;
   }
 
@@ -235,12 +236,10 @@ class SoftShader {
   /// interpolated.
   static constexpr float kMostApart = 8.0F;
   /// Returns the radius in scene units, or as a tangent; 0 if the light is not sampled.
-  [[nodiscard]] float radius(const shading_kernel::Light& area_light) const {
-    if (options_.shadow_samples == 0) return 0.0F;
-    // A scene unit is a millimetre on the panel.
-    return area_light.kind == shading_kernel::Light::kDirectional
-               ? sun_tangent_
-               : static_cast<float>(options_.light_radius_mm);
+  [[nodiscard]] float radius(const Scene& scene, const shading_kernel::Light& area_light) const {
+    const SoftSizes all = sizes(scene);
+    const bool is_sun = area_light.kind == shading_kernel::Light::kDirectional;
+    return static_cast<float>(is_sun ? all.sun_tangent : all.light_radius);
   }
   /// Returns the number of ambient samples; at most one of the two options is nonzero.
   [[nodiscard]] int ambient_samples() const {
@@ -298,8 +297,8 @@ class SoftShader {
                                      WorkClock& clock) {
     const shading_kernel::Light& shape = packet.scene.shading->lights()[area_light];
     alignas(64) std::array<float, kPacket> brings, of_sampled;
-    const shading_kernel::AreaLightLanes shines =
-        kernel_.whole_area_light(shape, radius(shape), packet.surfaces, weight, brings.data());
+    const shading_kernel::AreaLightLanes shines = kernel_.whole_area_light(
+        shape, radius(packet.scene, shape), packet.surfaces, weight, brings.data());
     const uint32_t resolved = agreeing(shares, brings.data(), packet.noticed);
     const uint32_t partly = shines.partly & ~resolved;
     const uint32_t wanted = partly | (shines.whole & ~resolved);
@@ -372,9 +371,10 @@ class SoftShader {
     const sampling::SampleSet set =
         sampling::sample_set(packet.seeds, packet.path, sampling::use_of_light(area_light));
     shading_kernel::NewRays rays = into_rays();
+    const float size = radius(packet.scene, shape);
     uint32_t ever_wanted = 0, ever_seen = 0, ever_hidden = 0;
     for (uint32_t i = 0; i < asked.count; ++i) {
-      const bool any = kernel_.area_light_rays(shape, radius(shape), sampling::sample_of(set, i),
+      const bool any = kernel_.area_light_rays(shape, size, sampling::sample_of(set, i),
                                                packet.surfaces, part.data(), rays);
       counts_.invalid_rays += static_cast<uint64_t>(rays.refused);
       if (!any) continue;
@@ -405,8 +405,10 @@ class SoftShader {
   };
   Around look_around(const SoftPacket& packet, uint32_t samples, uint32_t open, WorkClock& clock) {
     const bool pictured = lit_by_surroundings() && !packet.scene.backdrop.flat();
-    const float far = lit_by_surroundings() ? std::numeric_limits<float>::infinity()
-                                            : static_cast<float>(options_.occlusion_distance_mm);
+    const float far =
+        lit_by_surroundings()
+            ? std::numeric_limits<float>::infinity()
+            : static_cast<float>(options_.occlusion_distance_mm * packet.scene.units_per_mm);
     const sampling::SampleSet set =
         sampling::sample_set(packet.seeds, packet.path, sampling::kUseAmbient);
     shading_kernel::NewRays rays = into_rays();

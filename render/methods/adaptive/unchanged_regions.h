@@ -19,13 +19,6 @@
 
 namespace lenticule::render {
 
-/// Returns the bounds of a mesh. The last position is padding for Embree, not a vertex.
-inline Box box_of(const MeshShape& mesh) {
-  Box box;
-  for (size_t n = 0; n + 1 < mesh.positions.size(); ++n) box.extend(Vec3(mesh.positions[n]));
-  return box;
-}
-
 /// Fingerprints all scene data outside the objects. The start of the rays is left out: no content
 /// lies in front of it, or the camera determines it, and then it is part of the map.
 inline Fingerprint rest_of(const Scene& scene) {
@@ -44,7 +37,7 @@ inline Fingerprint rest_of(const Scene& scene) {
 struct SceneObjects {
   struct Object {
     Fingerprint made_of;
-    Box box;                       ///< scene frame, millimetres on the panel
+    Box box;                       ///< scene frame
     bool depends_on_view = false;  ///< the object is reflective, has highlights or is transparent
   };
 
@@ -130,7 +123,7 @@ class UnchangedRegions {
       mark_all_changed();
     else if (mark_changes(scene, soft, before, now))
       for (const SceneObjects::Object& object : now.objects)
-        if (object.depends_on_view) mark_changed(object.box.widened(kMarginMm));
+        if (object.depends_on_view) mark_changed(object.box.widened(kMargin));
   }
 
   [[nodiscard]] bool any() const { return kept_ > 0; }
@@ -147,12 +140,9 @@ class UnchangedRegions {
   }
 
  private:
-  /// Margin for a scene of a few hundred millimetres; larger than rounding errors.
-  static constexpr double kMarginMm = 0.2;
+  /// Scene units, for a scene of a few hundred; larger than rounding errors.
+  static constexpr double kMargin = 0.2;
 
-  static Box overlap(const Box& a, const Box& b) {
-    return {max(a.low, b.low), min(a.high, b.high)};
-  }
   struct Patch {
     Interval x_mm, y_mm;
   };
@@ -168,7 +158,8 @@ class UnchangedRegions {
     Box everything;
     for (const SceneObjects* frame : {&before, &now})
       for (const SceneObjects::Object& object : frame->objects) everything.extend(object.box);
-    const double around = soft.occlusion_samples > 0 ? soft.occlusion_distance_mm : 0.0;
+    const double around =
+        soft.occlusion_samples > 0 ? soft.occlusion_distance_mm * scene.units_per_mm : 0.0;
     bool any_changed = false;
     for (size_t n = 0; n < now.objects.size(); ++n) {
       if (now.objects[n].made_of == before.objects[n].made_of) continue;
@@ -177,9 +168,9 @@ class UnchangedRegions {
       for (const SceneObjects* frame : {&before, &now}) {
         if (!any()) return true;
         const Box& box = frame->objects[n].box;
-        mark_changed(box.widened(around + kMarginMm));
+        mark_changed(box.widened(around + kMargin));
         for (const SceneLight& light : scene.lights)
-          mark_shadow_changed(box, light, soft, everything);
+          mark_shadow_changed(scene, box, light, soft, everything);
       }
     }
     return any_changed;
@@ -208,8 +199,8 @@ class UnchangedRegions {
   }
   /// Marks the region behind a box as seen from a light, in pieces, as far as there is content. For
   /// an area light, the region is extended sideways by the penumbra.
-  void mark_shadow_changed(const Box& box, const SceneLight& light, const SoftLight& soft,
-                           const Box& within) {
+  void mark_shadow_changed(const Scene& scene, const Box& box, const SceneLight& light,
+                           const SoftLight& soft, const Box& within) {
     constexpr int kPieces = 48;
     const double farthest = length(within.high - within.low);
     const bool is_sun = light.kind == Light::Kind::Directional;
@@ -219,7 +210,7 @@ class UnchangedRegions {
       nearest = length(max(max(box.low - light.position, Vec3{}), light.position - box.high));
     const double size = soft.shadow_samples == 0 ? 0.0
                         : is_sun ? std::tan(soft.sun_radius_degrees * std::numbers::pi / 180.0)
-                                 : soft.light_radius_mm;
+                                 : soft.light_radius_mm * scene.units_per_mm;
     if (!(nearest > size)) return mark_all_changed();
     const double whole_way = farthest / (nearest - size);
     for (int piece = 0; piece < kPieces; ++piece) {
@@ -228,7 +219,9 @@ class UnchangedRegions {
       for (const double way : ends)
         for (const Vec3& corner : box.corners())
           shadow.extend(corner + (is_sun ? light.direction : corner - light.position) * way);
-      mark_changed(overlap(shadow.widened(ends[1] * size + kMarginMm), within.widened(kMarginMm)));
+      const Box all = within.widened(kMargin);
+      shadow = shadow.widened(ends[1] * size + kMargin);
+      mark_changed(Box{max(shadow.low, all.low), min(shadow.high, all.high)});
     }
   }
   /// Returns the region of the panel through which a box is visible. Projection from a point keeps

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <memory>
+#include <optional>
 
 #include "base/error.h"
+#include "render/scene/scene.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/tiny_scenes.h"
@@ -65,6 +69,27 @@ TEST_F(NumberedScenes, MustAllExist) {
   const Error error = test::error_of([&] { scenes.require({3, 7}); });
   EXPECT_NE(std::string(error.what()).find("s-05.nff"), std::string::npos);
   EXPECT_THROW(SceneSequence((folder_ / "t-%02d.nff").string(), frames::Rate{}), Error);
+}
+
+TEST(StageSequence, TheCamerasOfBuiltInFilmsKeepTheSceneCommitted) {
+  const optics::OpticalModel model(test::make_rig({}));
+  for (const char* name : {"tree", "room"}) {
+    const SceneSequence scenes(fmt::format("builtin:{}:2", name), frames::Rate{});
+    const StageSequence stages(scenes.at(0), render::canvas_of(model), {});
+    render::SceneKeeper keeper({}, 1);
+    std::optional<render::SceneFrame> last;
+    render::Fingerprint described;
+    int commits = 0;
+    for (int n = 0; n < scenes::find_scene(name).frames; n += 3) {
+      const auto scene =
+          std::make_shared<const render::SceneDescription>(scenes.at(static_cast<uint64_t>(n)));
+      const render::Scene& committed = keeper.commit(scene, stages.at(*scene));
+      commits += committed.frame != last || committed.described != described ? 1 : 0;
+      last = committed.frame;
+      described = committed.described;
+    }
+    EXPECT_LE(commits, 2) << name;
+  }
 }
 
 TEST(StageSequence, KeepsDepthAndPlaceFromFrameToFrame) {

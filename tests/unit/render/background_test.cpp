@@ -60,7 +60,9 @@ void expect_bounds_hold(const optics::Rig& rig, const Scene& scene, int tile_ind
 
 TEST(Beam, HoldsTheRaysOfRandomRigs) {
   std::mt19937_64 random(20261122);
-  const Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage(), {});
+  // With a power of two a scene unit is a millimetre.
+  const Scene scene(test::tiny_scenes().front().scene, test::make_tiny_stage({.mm_per_unit = 8.0}),
+                    {});
   for (int n = 0; n < 80; ++n) {
     SCOPED_TRACE(n);
     const optics::Rig rig = n == 0   ? test::kiosk_rig()

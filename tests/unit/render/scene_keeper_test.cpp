@@ -118,7 +118,12 @@ TEST(ScenePlace, KeepsTheFrameWhileTheStageTurnsAndMovesLittle) {
   other.centre.x += 150.0;  // 1.35 m
   EXPECT_FALSE(placed(other));
   other = home;
-  other.mm_per_unit *= 1.0001;
+  for (const double scale : {0.7, 0.9999, 1.25}) {
+    other.mm_per_unit = scale * home.mm_per_unit;
+    EXPECT_TRUE(placed(other)) << scale;
+    EXPECT_DOUBLE_EQ(length(committed.scene_from_panel.column_x), 8.0 / other.mm_per_unit);
+  }
+  other.mm_per_unit = 2.0 * home.mm_per_unit;
   EXPECT_FALSE(placed(other));
   EXPECT_EQ(committed.frame.origin, Scene(scene, test::make_tiny_stage(home), {}, 1).frame.origin);
   EXPECT_EQ(committed.meshes.empty() ? Vec3{} : Vec3(committed.meshes[0].positions[0]), position);

@@ -133,7 +133,8 @@ TEST(SceneCommit, CentresAndScalesOnTheStage) {
   const Vec3 on_panel = committed.scene_from_panel.inverse().point(sphere.centre);
   EXPECT_NEAR(on_panel.x, 40.0, 1e-6);
   EXPECT_NEAR(on_panel.y, 0.0, 1e-6);
-  EXPECT_NEAR(sphere.radius, 10.0, 1e-5);
+  EXPECT_EQ(committed.frame.units_per_world, 16.0);
+  EXPECT_NEAR(sphere.radius / committed.units_per_mm, 10.0, 1e-9);
 }
 
 TEST(SceneCommit, KnowsTheNearestPointOfEveryPrimitive) {
