@@ -396,6 +396,8 @@ class ErrorRun {
         scenarios.push_back(ErrorScenario::Still);
       else if (scenario == "turning")
         scenarios.push_back(ErrorScenario::Turning);
+      else if (scenario == "objects")
+        scenarios.push_back(ErrorScenario::Objects);
       else if (!scene.still())
         scenarios.push_back(ErrorScenario::Moving);
     return scenarios;
@@ -468,12 +470,12 @@ cli::Run declare_bench_error(CLI::App& app) {
       ->delimiter(',');
   app.add_option("--course", flags.scenarios,
                  "still: one frame twice; moving: consecutive frames of the animation; turning: "
-                 "frames of one turn of the scene")
+                 "frames of one turn of the scene; objects: its objects and a light move")
       ->allow_extra_args(false)
       ->delimiter(',')
-      ->check(CLI::IsMember({"still", "moving", "turning"}))
+      ->check(CLI::IsMember({"still", "moving", "turning", "objects"}))
       ->capture_default_str();
-  app.add_option("--frames", flags.frames, "number of frames of a moving or turning course")
+  app.add_option("--frames", flags.frames, "number of frames of a course that is not still")
       ->check(CLI::Range(1, 10000))
       ->capture_default_str();
   app.add_option("--runs", flags.runs, "number of runs; medians of times are reported")

@@ -61,17 +61,24 @@ class ErrorScene {
   lab::ScratchFolder folder_;
 };
 
+/// Returns a scene whose objects and whose first light move, after some frames. Each third of the
+/// objects that are smaller than half of the scene swings, or of all objects if none is. The light
+/// goes round the scene; a scene without lights gets one.
+[[nodiscard]] render::SceneDescription with_moving_objects(render::SceneDescription scene,
+                                                           uint64_t frames);
+
 /// Benchmark scenarios. Still: the same frame twice, of the same committed scene. Moving:
-/// consecutive frames, the scene committed again for each. Turning: the same, while the scene turns
-/// once about its vertical.
-enum class ErrorScenario { Still, Moving, Turning };
+/// consecutive frames, the scene committed again if more than the camera moves. Turning: the same,
+/// while the scene turns once about its vertical. Objects: with_moving_objects() under the camera
+/// of the first frame.
+enum class ErrorScenario { Still, Moving, Turning, Objects };
 [[nodiscard]] const char* name_of(ErrorScenario scenario);
 
 struct ErrorSetup {
   optics::Rig rig;
   std::vector<ErrorEntrant> entrants;  ///< the first is the reference
   ErrorScenario scenario = ErrorScenario::Moving;
-  int frames = 6;  ///< number of frames in the Moving and Turning scenarios
+  int frames = 6;  ///< number of frames, except in the Still scenario
   int threads = 0;
   int depth = 5;
   render::SoftLight soft{};

@@ -59,9 +59,100 @@ render::SceneDescription read_as_gltf(const render::SceneDescription& scene,
 }  // namespace
 
 const char* name_of(ErrorScenario scenario) {
-  return scenario == ErrorScenario::Still    ? "still"
-         : scenario == ErrorScenario::Moving ? "moving"
-                                             : "turning";
+  return scenario == ErrorScenario::Still     ? "still"
+         : scenario == ErrorScenario::Moving  ? "moving"
+         : scenario == ErrorScenario::Turning ? "turning"
+                                              : "objects";
+}
+
+namespace {
+
+/// Swing is the way of the objects of a scene. Lengths are in sizes of the scene.
+struct Swing {
+  static constexpr double kReach = 0.03, kPeriod = 24.0;  // frames
+  static constexpr double kGolden = 2.399963;             // radians: no two objects swing alike
+  static constexpr size_t kEvery = 3;
+  static constexpr double kSmall = 0.5;
+
+  Box bounds;
+  double size;
+  uint64_t frames;
+
+  [[nodiscard]] bool is_small(const Box& box) const {
+    return !box.empty() && largest_size(box.high - box.low) < kSmall * size;
+  }
+  [[nodiscard]] Vec3 of(size_t object) const {
+    const double way = kGolden * static_cast<double>(object);
+    const double now =
+        std::sin(2.0 * std::numbers::pi * static_cast<double>(frames) / kPeriod + way);
+    return Vec3{std::cos(way), 0.5, std::sin(way)} * (kReach * size * now);
+  }
+};
+
+/// Returns a box by whose size an object counts as small.
+Box rough_box(const render::SceneDescription& scene, const render::TriangleMesh& mesh) {
+  Box box;
+  for (const Vec3& p : scene.shape_of(mesh).positions)
+    box.extend(mesh.shape < 0 ? p : mesh.place.point(p));
+  return box;
+}
+Box rough_box(const render::SceneDescription& /*scene*/, const render::Sphere& sphere) {
+  const Vec3 half{sphere.radius, sphere.radius, sphere.radius};
+  return {sphere.centre - half, sphere.centre + half};
+}
+Box rough_box(const render::SceneDescription& /*scene*/, const render::Cone& cone) {
+  Box box;
+  box.extend(cone.base);
+  box.extend(cone.apex);
+  return box;
+}
+
+void move(render::TriangleMesh& mesh, Vec3 by) {
+  mesh.place.origin = mesh.place.origin + by;
+  for (Vec3& p : mesh.positions) p = p + by;
+}
+void move(render::Sphere& sphere, Vec3 by) {
+  sphere.centre = sphere.centre + by;
+}
+void move(render::Cone& cone, Vec3 by) {
+  cone.base = cone.base + by;
+  cone.apex = cone.apex + by;
+}
+
+/// Moves a light round the vertical through the centre.
+void go_round(render::Light& light, Vec3 centre, uint64_t frames) {
+  constexpr double kTurn = 3.0 * std::numbers::pi / 180.0;
+  const double cosine = std::cos(kTurn * static_cast<double>(frames));
+  const double sine = std::sin(kTurn * static_cast<double>(frames));
+  const auto turned = [&](Vec3 v) {
+    return Vec3{cosine * v.x + sine * v.z, v.y, cosine * v.z - sine * v.x};
+  };
+  light.position = centre + turned(light.position - centre);
+  light.direction = turned(light.direction);
+}
+
+}  // namespace
+
+render::SceneDescription with_moving_objects(render::SceneDescription scene, uint64_t frames) {
+  const Box bounds = render::scene_bounds(scene);
+  const Swing swing{bounds, largest_size(bounds.high - bounds.low), frames};
+  const auto each_object = [&](const auto& visit) {
+    for (render::TriangleMesh& mesh : scene.meshes) visit(mesh);
+    for (render::Sphere& sphere : scene.spheres) visit(sphere);
+    for (render::Cone& cone : scene.cones) visit(cone);
+  };
+  size_t small = 0;
+  each_object([&](auto& object) { small += swing.is_small(rough_box(scene, object)) ? 1 : 0; });
+  size_t number = 0;
+  each_object([&](auto& object) {
+    if (small > 0 && !swing.is_small(rough_box(scene, object))) return;
+    if (number++ % Swing::kEvery == 0) move(object, swing.of(number));
+  });
+  const Vec3 centre = (bounds.low + bounds.high) * 0.5;
+  if (scene.lights.empty())
+    scene.lights.push_back({.position = centre + Vec3{1.0, 2.0, 1.5} * swing.size});
+  go_round(scene.lights.front(), centre, frames);
+  return scene;
 }
 
 std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods,
@@ -188,7 +279,8 @@ class ScenarioRun {
         workers_(setup.threads),
         eyes_(model_, workers_),
         stages_(scene.after(0), render::canvas_of(model_), {},
-                setup.scenario == ErrorScenario::Turning ? 360.0 : 0.0, scene.still()),
+                setup.scenario == ErrorScenario::Turning ? 360.0 : 0.0,
+                scene.still() && setup.scenario != ErrorScenario::Objects),
         reference_(geometry()),
         frame_(geometry()) {
     for (const ErrorEntrant& entrant : setup.entrants)
@@ -262,8 +354,13 @@ class ScenarioRun {
 
   void set_scene(uint64_t frame, double progress) {
     const double begin = seconds_now();
-    if (!description_ || !scene_.still())
+    if (setup_.scenario == ErrorScenario::Objects) {
+      if (!first_) first_.emplace(scene_.after(static_cast<uint64_t>(setup_.first)));
+      description_ = std::make_shared<const render::SceneDescription>(
+          with_moving_objects(*first_, frame - static_cast<uint64_t>(setup_.first)));
+    } else if (!description_ || !scene_.still()) {
       description_ = std::make_shared<const render::SceneDescription>(scene_.after(frame));
+    }
     stage_ = stages_.at(*description_, progress);
     set_scene_s_ = seconds_now() - begin;
     for (Contestant& one : contestants_)
@@ -374,6 +471,7 @@ class ScenarioRun {
   frames::BandWorkers workers_;
   ErrorEyes eyes_;
   tools::StageSequence stages_;
+  std::optional<render::SceneDescription> first_;  ///< whose objects move
   std::shared_ptr<const render::SceneDescription> description_;
   render::Stage stage_;
   double set_scene_s_ = 0.0;  ///< time to evaluate the description and the stage

@@ -154,7 +154,8 @@ void expect_figures_of_single_frames(ErrorScenario which, double turned_by_degre
   frames::WovenFrame full({.width = 48, .height = 32});
   frames::WovenFrame test = full;
   for (size_t n = 0; n < 3; ++n) {
-    const render::SceneDescription description = scene.after(n);
+    const render::SceneDescription description =
+        which == ErrorScenario::Objects ? with_moving_objects(scene.after(0), n) : scene.after(n);
     const render::Stage stage = stages.at(description, static_cast<double>(n) / 3.0);
     const render::Scene committed(description, stage, {}, 1);
     (void)render::make_method("full", model, options)->render(committed, stage, full);
@@ -178,6 +179,32 @@ TEST(ErrorScenarios, FiguresAgreeWithFramesMeasuredOneByOne) {
 
 TEST(ErrorScenarios, ATurningSceneTurnsOnceOverItsFrames) {
   expect_figures_of_single_frames(ErrorScenario::Turning, 360.0);
+}
+
+TEST(ErrorScenarios, ObjectsMoveBeforeTheCameraOfTheFirstFrame) {
+  expect_figures_of_single_frames(ErrorScenario::Objects, 0.0);
+}
+
+TEST(ErrorScenarios, AThirdOfTheSmallObjectsAndALightMove) {
+  const render::SceneDescription still = ErrorScene("tree:3").after(0);
+  const render::SceneDescription now = with_moving_objects(still, 4);
+  const render::SceneDescription next = with_moving_objects(still, 5);
+  const auto moved = std::ranges::count_if(now.cones, [&](const render::Cone& cone) {
+    return cone.base != next.cones.at(static_cast<size_t>(&cone - now.cones.data())).base;
+  });
+  EXPECT_NEAR(static_cast<double>(moved), static_cast<double>(now.cones.size()) / 3.0, 2.0);
+  EXPECT_NE(now.lights.at(0).position, next.lights.at(0).position);
+  EXPECT_EQ(now.lights.at(1).position, next.lights.at(1).position);
+  EXPECT_EQ(now.cameras.at(0).from, still.cameras.at(0).from);
+}
+
+TEST(ErrorScenarios, TheOnlyObjectMovesInTheLightThatItGets) {
+  render::SceneDescription ball;
+  ball.spheres = {{.radius = 1.0}};
+  EXPECT_NE(with_moving_objects(ball, 1).spheres[0].centre,
+            with_moving_objects(ball, 2).spheres[0].centre);
+  EXPECT_NE(with_moving_objects(ball, 1).lights.at(0).position,
+            with_moving_objects(ball, 2).lights.at(0).position);
 }
 
 // ---- pictures
