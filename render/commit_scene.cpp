@@ -253,7 +253,7 @@ constexpr double kFarthest = 1e15;
 
 /// Scene units between the possible origins of scene frames, and an offset: the points that files
 /// prefer as centres do not lie halfway between two of them, where rounding decides.
-constexpr double kOriginStep = 1024.0;
+constexpr double kOriginStep = 512.0;
 constexpr double kBesideHalf = 0.118034;
 
 /// Returns the number without its last bits, which rounding changes while a stage turns.

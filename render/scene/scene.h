@@ -3,7 +3,7 @@
 // frame.
 //
 // The scene frame has the world's axes. Its unit, the world's times a power of two, is 0.76 to 1.53
-// millimetres on the panel, and its origin lies less than a metre from the panel's centre along
+// millimetres on the panel, and its origin lies within half a metre of the panel's centre along
 // each axis. In it single precision resolves a fraction of a subpixel, independent of the scene's
 // units and of its distance from the world origin. The frame stays the same while the stage turns
 // and while its place and scale change little, and so do the primitives and Embree's structures

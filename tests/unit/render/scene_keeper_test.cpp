@@ -129,13 +129,14 @@ TEST(ScenePlace, KeepsTheFrameWhileTheStageTurnsAndMovesLittle) {
   EXPECT_EQ(committed.meshes.empty() ? Vec3{} : Vec3(committed.meshes[0].positions[0]), position);
 }
 
-TEST(ScenePlace, TheOriginOfTheFrameLiesWithinAMetreOfThePanelsCentre) {
+TEST(ScenePlace, TheOriginOfTheFrameLiesWithinHalfAMetreOfThePanelsCentre) {
   for (const double unit : {1e-6, 0.37, 1.0, 1e5})
     for (int n = -30; n < 30; ++n) {
       const Vec3 centre{0.31 * n * unit, 1e4 * n * unit, -77.7 * unit};
       const Stage stage = test::make_tiny_stage({.centre = centre, .mm_per_unit = 900.0 / unit});
       const Scene scene(SceneDescription{}, stage, {}, 1);
-      EXPECT_LT(largest_size(scene.scene_from_panel.origin), 1000.0) << centre.x;
+      EXPECT_LT(largest_size(scene.scene_from_panel.origin) / scene.units_per_mm, 500.0)
+          << centre.x;
     }
 }
 
