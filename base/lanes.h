@@ -143,35 +143,19 @@ using Masks = Lanes<int32_t>;
   inline Result operator op(E a, const Lanes<E>& b) {                      \
     return Lanes<E>::of(a) op b;                                           \
   }
-#define LENTICULE_LANES_SAME(op)                                           \
-  template <class E>                                                       \
-  inline Lanes<E> operator op(const Lanes<E>& a, const Lanes<E>& b) {      \
-    Lanes<E> out;                                                          \
-    for (int p = 0; p < kParts; ++p) out.part[p] = a.part[p] op b.part[p]; \
-    return out;                                                            \
-  }                                                                        \
-  template <class E>                                                       \
-  inline Lanes<E> operator op(const Lanes<E>& a, E b) {                    \
-    return a op Lanes<E>::of(b);                                           \
-  }                                                                        \
-  template <class E>                                                       \
-  inline Lanes<E> operator op(E a, const Lanes<E>& b) {                    \
-    return Lanes<E>::of(a) op b;                                           \
-  }
-LENTICULE_LANES_SAME(+)
-LENTICULE_LANES_SAME(-)
-LENTICULE_LANES_SAME(*)
-LENTICULE_LANES_SAME(/)
-LENTICULE_LANES_SAME(&)
-LENTICULE_LANES_SAME(|)
-LENTICULE_LANES_SAME(^)
+LENTICULE_LANES_OPERATOR(+, Lanes<E>)
+LENTICULE_LANES_OPERATOR(-, Lanes<E>)
+LENTICULE_LANES_OPERATOR(*, Lanes<E>)
+LENTICULE_LANES_OPERATOR(/, Lanes<E>)
+LENTICULE_LANES_OPERATOR(&, Lanes<E>)
+LENTICULE_LANES_OPERATOR(|, Lanes<E>)
+LENTICULE_LANES_OPERATOR(^, Lanes<E>)
 LENTICULE_LANES_OPERATOR(<, Masks)
 LENTICULE_LANES_OPERATOR(>, Masks)
 LENTICULE_LANES_OPERATOR(<=, Masks)
 LENTICULE_LANES_OPERATOR(>=, Masks)
 LENTICULE_LANES_OPERATOR(==, Masks)
 LENTICULE_LANES_OPERATOR(!=, Masks)
-#undef LENTICULE_LANES_SAME
 #undef LENTICULE_LANES_OPERATOR
 
 inline Floats operator-(const Floats& v) {
