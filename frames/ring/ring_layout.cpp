@@ -11,17 +11,6 @@ constexpr size_t round_up(size_t bytes, size_t unit) {
   return (bytes + unit - 1) / unit * unit;
 }
 
-/// HeaderFields is the constant part of the header, for a single copy out of memory that other
-/// processes can write.
-struct HeaderFields {
-  char magic[8];
-  uint32_t abi_version, endian_tag, slots, format, width, height;
-  uint64_t row_bytes, frame_bytes, table_offset, entry_bytes, slots_offset, slot_stride,
-      memory_bytes;
-  RingContent content;
-};
-static_assert(sizeof(HeaderFields) == offsetof(RingHeader, content) + sizeof(RingContent));
-
 const char* content_problem(const RingContent& content, const FrameGeometry& picture) {
   const auto lies_inside = [&](const RingRect& part) {
     return part.width > 0 && part.height > 0 && part.left + part.width <= picture.width &&
@@ -45,8 +34,8 @@ const char* content_problem(const RingContent& content, const FrameGeometry& pic
   return inside ? nullptr : "colours or depth lie outside of the picture";
 }
 
-HeaderFields fields_of(const RingLayout& layout) {
-  HeaderFields fields = {
+RingFields fields_of(const RingLayout& layout) {
+  RingFields fields = {
       .magic = {},
       .abi_version = kRingAbiVersion,
       .endian_tag = kEndianTag,
@@ -102,12 +91,12 @@ const char* geometry_problem(const FrameGeometry& geometry, int64_t slots) {
 }
 
 void write_header(const RingLayout& layout, RingHeader& header) {
-  const HeaderFields fields = fields_of(layout);
+  const RingFields fields = fields_of(layout);
   std::memcpy(static_cast<void*>(&header), &fields, sizeof fields);
 }
 
 const char* read_header(const RingHeader& header, size_t available_bytes, RingLayout& layout) {
-  HeaderFields fields;
+  RingFields fields;
   std::memcpy(static_cast<void*>(&fields), &header, sizeof fields);
   if (std::memcmp(fields.magic, kRingMagic, sizeof fields.magic) != 0) return "not a ring";
   if (fields.endian_tag != kEndianTag) return "written in another byte order";
@@ -121,7 +110,7 @@ const char* read_header(const RingHeader& header, size_t available_bytes, RingLa
   if (const char* problem = content_problem(fields.content, geometry)) return problem;
   RingLayout planned = plan_layout(geometry, static_cast<int>(fields.slots));
   planned.content = fields.content;
-  const HeaderFields expected = fields_of(planned);
+  const RingFields expected = fields_of(planned);
   if (std::memcmp(&fields, &expected, sizeof fields) != 0) return "inconsistent offsets or sizes";
   if (planned.memory_bytes > available_bytes) return "memory smaller than the header says";
   layout = planned;

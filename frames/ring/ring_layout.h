@@ -177,32 +177,27 @@ static_assert(sizeof(RingContent) == 40);
                                             : 2 * static_cast<int>(content.kind / 2);
 }
 
-/// RingHeader is the first page of the shared memory. All fields are constant once the memory is
-/// shared, except the last two.
-struct RingHeader {
+/// RingFields is the constant part of the header, in a form to be copied at once out of memory that
+/// other processes can write.
+struct RingFields {
   char magic[8];
-  uint32_t abi_version;
-  uint32_t endian_tag;
-  uint32_t slots;
+  uint32_t abi_version, endian_tag, slots;
   uint32_t format;  ///< PixelFormat
-  uint32_t width;
-  uint32_t height;
-  uint64_t row_bytes;
-  uint64_t frame_bytes;
-  uint64_t table_offset;
-  uint64_t entry_bytes;
-  uint64_t slots_offset;
-  uint64_t slot_stride;
-  uint64_t memory_bytes;
-  RingContent content;                          ///< renderers of earlier versions do not read it
+  uint32_t width, height;
+  uint64_t row_bytes, frame_bytes, table_offset, entry_bytes, slots_offset, slot_stride,
+      memory_bytes;
+  RingContent content;  ///< renderers of earlier versions do not read it
+};
+
+/// RingHeader is the first page of the shared memory.
+struct RingHeader : RingFields {
   alignas(64) std::atomic<uint32_t> epoch;      ///< number of the connection, counted by the player
   alignas(64) std::atomic<uint32_t> heartbeat;  ///< counter that a live renderer increments
 };
 
-static_assert(sizeof(RingHeader) <= kHeaderBytes);
-static_assert(offsetof(RingHeader, row_bytes) == 32 && offsetof(RingHeader, memory_bytes) == 80);
-static_assert(offsetof(RingHeader, content) == 88);
-static_assert(offsetof(RingHeader, epoch) == 128 && offsetof(RingHeader, heartbeat) == 192);
+static_assert(sizeof(RingHeader) <= kHeaderBytes && sizeof(RingFields) == 128);
+static_assert(offsetof(RingFields, row_bytes) == 32 && offsetof(RingFields, memory_bytes) == 80);
+static_assert(offsetof(RingFields, content) == 88);
 
 /// RingLayout holds the header's values in plain numbers, as each side's private copy.
 struct RingLayout {
