@@ -162,6 +162,10 @@ class ItemLoader {
     locked_discard(playing_.replacement);
     playing_ = {};
   }
+  void wait_for_renderer(OpenItem& item, bool waits) {
+    const std::lock_guard lock(mutex_);
+    item.waits_for_renderer = playing_.waits_for_renderer = waits;
+  }
   void note_first_frame(const OpenItem& item) {
     const std::lock_guard lock(mutex_);
     shown_ = true;
@@ -313,19 +317,27 @@ class ItemLoader {
       return request;
     });
   }
-  /// Returns the source of the cued item; empty if none is cued.
-  [[nodiscard]] std::string cued() const {
-    const std::lock_guard lock(mutex_);
-    if (!cue_.request) return {};
-    const PlaylistPlace& place = cue_.request->place;
-    return place.list->items[place.index].source.text;
-  }
-  /// Returns the source that is played after the present interruption; empty without one.
-  [[nodiscard]] std::string interrupted() const {
+  /// Completes the status that the reporter keeps.
+  void complete(PlaylistStatus& status) const {
     const std::lock_guard lock(mutex_);
     const auto& place = cursor_.interrupted();
-    if (!place) return {};
-    return place->playing ? place->list->items[*place->playing].source.text : place->list->name;
+    const auto source_at = [](const auto& list, size_t index) {
+      return list->items[index].source.text;
+    };
+    status.opening = jump_.request.has_value();
+    if (cue_.request) status.cued = source_at(cue_.request->place.list, cue_.request->place.index);
+    if (place)
+      status.interrupted =
+          place->playing ? source_at(place->list, *place->playing) : place->list->name;
+    const bool plays = playing_.number != 0 && !playing_.standby;
+    if (plays && playing_.waits_for_renderer)
+      status.state = {"waiting", "no renderer is connected"};
+    else if (plays && place && playing_.item.source.kind == SourceKind::Black)
+      status.state = {"blank", "until 'back'"};
+    else if (plays)  // though the items after it may not
+      status.state = {};
+    else if (next_.list_over && cue_.request)
+      status.state = {"cued", status.cued + " waits for 'go'"};
   }
   void set_loops(uint64_t loops) {
     const std::lock_guard lock(mutex_);
@@ -342,10 +354,6 @@ class ItemLoader {
     const std::lock_guard lock(mutex_);
     checks_.at_once = true;
     work_there_.notify_all();
-  }
-  [[nodiscard]] bool is_jumping() const {
-    const std::lock_guard lock(mutex_);
-    return jump_.request.has_value();
   }
   /// Returns the list that is played, or that continues after the present interruption.
   [[nodiscard]] std::shared_ptr<const Playlist> list() const {
@@ -382,8 +390,8 @@ class ItemLoader {
     return work();
   }
 
-  static PlaylistItem card_for(const std::string& reason) {
-    return {.source = parse_source("card"), .rate = frames::Rate{4, 1}, .reason = reason};
+  static PlaylistItem card_for(const PlayState& state) {
+    return {.source = parse_source("card"), .rate = frames::Rate{4, 1}, .shown = state};
   }
 
   static PlaylistItem black_item() {
@@ -476,6 +484,7 @@ class ItemLoader {
   struct Playing {
     uint32_t number = 0;  ///< 0: none
     bool standby = false;
+    bool waits_for_renderer = false;
     uint64_t rounds_done = 0;
     PlaylistItem item{};
     std::vector<FileMark> files{};
@@ -488,7 +497,7 @@ class ItemLoader {
   struct Faults {
     bool broke_off = false;          ///< the last item broke, and no other has begun
     size_t unplayable_in_a_row = 0;  ///< items without a frame that could be shown
-    std::string problem{};           ///< reason why the last of these cannot be played
+    std::string problem{};           ///< reason why the first of these cannot be played
     uint64_t loops_done = 0;         ///< loops that the last broken item had done
     SteadyTime since{};              ///< since when nothing works and no file changes
     std::vector<FileMark> files{};   ///< state of a broken item's files; loader thread only
@@ -554,12 +563,12 @@ class ItemLoader {
       pick = {.kind = NextItem::Kind::Item, .index = 0, .rounds_done = cursor_.rounds_done()};
     next_.nothing_for_now = pick.kind == NextItem::Kind::None;
     next_.list_over = pick.kind == NextItem::Kind::End;
-    const std::string why = next_.list_over && shown_ ? std::string() : locked_reason_to_wait(now);
-    const bool is_news = !why.empty() && reporter_.note_waiting(why);
+    const PlayState why = next_.list_over && shown_ ? PlayState() : locked_state(now);
+    const bool is_news = !why.plays() && reporter_.note_waiting(why);
     if (next_.list_over) return wake_.signal();
     if (is_news) {
       unlocked(lock, [&] {
-        reporter_.report({.kind = EventKind::Waiting, .source = list->name, .detail = why});
+        reporter_.report({.kind = EventKind::Waiting, .source = list->name, .detail = why.reason});
       });
       if (is_unwanted()) return;
     }
@@ -831,7 +840,7 @@ class ItemLoader {
     if (list.standby && !faults_.standby_broken) return list.standby;
     if (list.awaits_files || !shown_) return black_item();
     if (locked_keeps_trying() && SteadyClock::now() >= faults_.since + kUntilCard)
-      return card_for(faults_.problem);
+      return card_for(locked_state(options_.local_time()));
     return std::nullopt;
   }
   /// Returns the same; none if it plays already.
@@ -844,13 +853,21 @@ class ItemLoader {
     next_.retry_at = SteadyClock::now() + kRetry;
     faults_.standby_broken = false;
   }
-  /// Returns what the list waits for; empty if it does not wait.
-  [[nodiscard]] std::string locked_reason_to_wait(LocalTime now) const {
+  /// Returns why no item of the list can begin.
+  [[nodiscard]] PlayState locked_state(LocalTime now) const {
     const Playlist& list = *cursor_.list();
-    if (!locked_none_works()) return reason_to_wait(list, now);
+    if (!locked_none_works()) {
+      const std::string why = reason_to_wait(list, now);
+      return why.empty() ? PlayState() : PlayState{"waiting", why};
+    }
     const size_t scheduled = list.items_scheduled(now);
-    if (scheduled == 1) return faults_.problem;
-    return fmt::format("none of {} items can be played: {}", scheduled, faults_.problem);
+    const bool live = std::ranges::all_of(list.items, [now](const PlaylistItem& item) {
+      return item.source.kind == SourceKind::Live || !item.permitted(now);
+    });
+    return {live ? "no-signal" : "failed",
+            scheduled == 1
+                ? faults_.problem
+                : fmt::format("none of {} items can be played: {}", scheduled, faults_.problem)};
   }
   void locked_note_unplayable(bool standby, const std::string& problem) {
     if (standby && cursor_.list()->standby && !faults_.standby_broken) {
@@ -859,8 +876,7 @@ class ItemLoader {
       shown_ = true;
       locked_pause();
     } else {
-      // Attempts after the first round have other problems, which would be reported every second.
-      if (!locked_none_works()) faults_.problem = problem;
+      if (faults_.unplayable_in_a_row == 0) faults_.problem = problem;
       ++faults_.unplayable_in_a_row;
       if (locked_none_works() && !locked_standby_to_open()) locked_pause();
     }

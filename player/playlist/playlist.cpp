@@ -193,8 +193,8 @@ NextItem next_item(const Playlist& list, std::optional<size_t> after, uint64_t r
   // The item that must not follow itself, or none.
   const size_t last = list.shuffle && scheduled > 1 ? after.value_or(SIZE_MAX) : SIZE_MAX;
   // Each item is in at least one of kMaxWeight rounds.
-  for (uint64_t round = rounds_done; round <= rounds_done + kMaxWeight && !list.items.empty();
-       ++round, after.reset()) {
+  for (uint64_t more = 0; more <= kMaxWeight && !list.items.empty(); ++more, after.reset()) {
+    const uint64_t round = rounds_done + more;
     const std::vector<size_t> order = list.order(round);
     auto item = after ? std::ranges::find(order, *after) + 1 : order.begin();
     for (; item != order.end(); ++item)

@@ -17,6 +17,15 @@
 
 namespace lenticule::player {
 
+/// PlayState is in one word what a player does, with the reason why it shows nothing new.
+struct PlayState {
+  std::string word = "playing";
+  std::string reason{};
+
+  [[nodiscard]] bool plays() const { return word == "playing"; }
+  friend bool operator==(const PlayState&, const PlayState&) = default;
+};
+
 /// A moment in local time.
 struct LocalTime {
   int day = 0;     ///< days since 29 December 1969, a Monday
@@ -74,7 +83,7 @@ struct PlaylistItem {
   std::string fit{};       ///< as --fit; empty: that of the command
   std::string sound{};     ///< file of the item's sound, "none", or empty: as found
   double volume_db = 0.0;  ///< volume of its sound
-  std::string reason{};    ///< text of a test card: why the items cannot be played
+  PlayState shown{};       ///< by a test card: why the items cannot be played
 
   friend bool operator==(const PlaylistItem&, const PlaylistItem&) = default;
   [[nodiscard]] bool permitted(LocalTime time) const {

@@ -88,9 +88,14 @@ class PlaylistCursor {
       throw Error(ErrorKind::Failed, list->name + ": has no item at the moment",
                   "wait for a file, or load another source");
     int64_t index = jump.item.value_or(0);
-    const uint64_t rounds_done = jump.list ? 0 : leaves ? interrupted_->rounds_done : rounds_here();
-    if (jump.relative)
+    uint64_t rounds_done = jump.list ? 0 : leaves ? interrupted_->rounds_done : rounds_here();
+    if (jump.relative) {
+      // Before its first item, a round is the one before, which for round 0 is number -1.
+      const bool before =
+          index < 0 && list->order(rounds_done).front() == static_cast<size_t>(here);
       index = static_cast<int64_t>(list->beside(static_cast<size_t>(here), index, rounds_done));
+      if (before) --rounds_done;
+    }
     if (!jump.item && !jump.list) index = here;
     if (index < 0 || index >= items)
       throw Error(ErrorKind::Usage, fmt::format("item {}: the list has {} items", index, items),

@@ -54,7 +54,7 @@ struct PlaylistStatus {
   uint64_t loops = 0;            ///< times that an item was complete
   uint64_t skipped = 0;          ///< items that could not be played, each counted once
   std::string last_problem{};    ///< empty again once the content that caused it plays
-  std::string waiting_for{};     ///< why no item of the list can begin; empty if one plays
+  PlayState state{};             ///< why no item of the list plays
   frames::FrameDamage damage{};  ///< total over all items so far
   /// The damaged items, by source.
   std::map<std::string, frames::FrameDamage> damaged_items{};
@@ -125,7 +125,7 @@ class PlaylistReporter {
     const auto index = item.interrupts ? std::nullopt : item.index;
     status_.item = index;
     status_.frames = item.opened.source->frame_count();
-    status_.rounds_done = item.rounds_done;
+    status_.rounds_done = item.rounds_done < UINT64_MAX / 2 ? item.rounds_done : 0;
     begun_.push_back({.number = item.number,
                       .source = item.item.source,
                       .index = index,
@@ -137,7 +137,7 @@ class PlaylistReporter {
     {
       const std::lock_guard lock(mutex_);
       ++status_.started;
-      if (item.index) status_.waiting_for.clear();
+      if (item.index) status_.state = {};
     }
     report({.kind = EventKind::ItemStarted,
             .source = item.item.source.text,
@@ -151,9 +151,9 @@ class PlaylistReporter {
   }
   /// Notes why no item of the list can begin. Returns true if that is new; then report it without a
   /// lock.
-  [[nodiscard]] bool note_waiting(const std::string& why) {
+  [[nodiscard]] bool note_waiting(const PlayState& why) {
     const std::lock_guard lock(mutex_);
-    return std::exchange(status_.waiting_for, why) != why;
+    return std::exchange(status_.state, why) != why;
   }
   /// Adds the damage that the item's source found since the last call.
   void count_damage(OpenItem& item) {

@@ -77,9 +77,7 @@ class PlaylistSource final : public frames::FrameSource {
   void look_again() { loader_.look_again(); }
   [[nodiscard]] PlaylistStatus status() const {
     PlaylistStatus status = reporter_.status();
-    status.opening = loader_.is_jumping();
-    status.cued = loader_.cued();
-    status.interrupted = loader_.interrupted();
+    loader_.complete(status);
     return status;
   }
   /// Returns the list that is played.
@@ -246,7 +244,7 @@ class PlaylistSource final : public frames::FrameSource {
   }
   void hand_out(OpenItem& item, frames::AcquiredFrame& out) {
     idle_ = false;
-    item.waits_for_renderer = false;
+    if (item.waits_for_renderer) loader_.wait_for_renderer(item, false);
     item.waiting_since = SteadyClock::now();
     rate_ = rate_of(item);
     acquired_.push_back({.token = next_token_, .inner = out.token, .item = &item});
@@ -291,8 +289,9 @@ class PlaylistSource final : public frames::FrameSource {
     const uint64_t loops = loader_.loops_of(item);
     if (std::exchange(item.pulled_this_round, 0) == 0) {
       // The only item is a ring that plays forever: the next renderer may deliver frames.
-      item.waits_for_renderer = item.is_alone() && loops == kForever && item.opened.loop_obstacle;
-      if (!item.waits_for_renderer) break_current("it contains no frame");
+      const bool waits = item.is_alone() && loops == kForever && item.opened.loop_obstacle;
+      loader_.wait_for_renderer(item, waits);
+      if (!waits) break_current("it contains no frame");
       return true;
     }
     reporter_.loop_done(item);
@@ -314,7 +313,7 @@ class PlaylistSource final : public frames::FrameSource {
       if (!item.is_still())
         reporter_.report({.kind = EventKind::LoopPoint, .source = item.item.source.text});
     } else if (item.opened.loop_obstacle && (limited || loops == kForever)) {
-      item.waits_for_renderer = true;
+      loader_.wait_for_renderer(item, true);
     } else {
       break_current("it cannot be repeated");
     }

@@ -80,6 +80,7 @@ CardText wrong_panel_card(const OutputRequest& request, const PanelSearch& searc
                           const PanelInfo& shown_on, const std::string& rig) {
   const PanelProblem problem = problem_with(request, search, shown_on);
   CardText card{.headline = problem.headline, .rows = expected_rows(request)};
+  card.rows.push_back({"state", "no-panel"});
   card.rows.push_back({"found", describe_found(shown_on)});
   // A rig may identify a panel by its EDID's checksum alone.
   if (shown_on.identity && !request.identity.edid_sha256.empty())
@@ -91,8 +92,9 @@ CardText wrong_panel_card(const OutputRequest& request, const PanelSearch& searc
   return card;
 }
 
-CardText error_card(const std::string& what, const Error& error) {
-  CardText card{.headline = "CANNOT PLAY", .rows = {{"what", what}, {"why", error.what()}}};
+CardText error_card(const std::string& what, const Error& error, const std::string& state) {
+  CardText card{.headline = "CANNOT PLAY",
+                .rows = {{"what", what}, {"state", state}, {"why", error.what()}}};
   if (!error.hint().empty()) card.rows.push_back({"do", error.hint()});
   card.rows.push_back({"", "The player tries again automatically."});
   return card;
@@ -107,11 +109,5 @@ CardText rig_card(const optics::Rig& rig, const std::string& file) {
                                          rig.sheet.pitch.value, rig.sheet.slant,
                                          optics::fingerprint(rig))}}};
 }
-
-namespace {
-
-using display::Nanoseconds;
-
-}  // namespace
 
 }  // namespace lenticule::player

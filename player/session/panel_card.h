@@ -31,8 +31,10 @@ namespace lenticule::player {
                                                  const display::PanelInfo& shown_on,
                                                  const std::string& rig);
 
-/// Returns the card that is shown while `what` cannot be played and is tried again.
-[[nodiscard]] display::CardText error_card(const std::string& what, const Error& error);
+/// Returns the card that is shown while `what` cannot be played and is tried again; `state` as in
+/// PlayState.
+[[nodiscard]] display::CardText error_card(const std::string& what, const Error& error,
+                                           const std::string& state = "failed");
 
 /// Returns the card of `lenticule play card`.
 [[nodiscard]] display::CardText rig_card(const optics::Rig& rig, const std::string& file);

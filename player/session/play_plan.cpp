@@ -441,8 +441,8 @@ ItemOpener item_opener(const PlayPlan& plan) {
     OpenContext context = like;
     context.frames = item.frames;
     if (!item.fit.empty()) context.weaving.fit = item.fit;
-    if (!item.reason.empty()) {
-      context.card = error_card(name, Error(ErrorKind::Input, item.reason));
+    if (!item.shown.plays()) {
+      context.card = error_card(name, Error(ErrorKind::Input, item.shown.reason), item.shown.word);
       for (WallPart& part : context.wall) part.card = context.card;
     }
     context.first_frame = first_frame;

@@ -404,13 +404,13 @@ class PlayRun {
     lost_ = lost.report;
     say("{}: lost\n", lost.report.display);
     if (proof_) proof_->update(*display_, kms_, true);
-    steered_->report_state("display lost");
+    steered_->report_state({"no-panel", lost.report.display + ": lost"});
     const ReconnectResult result = panel_->reconnect(*kms_, lost);
     reported_.clear();
     if (result != ReconnectResult::Reconnected) return result;
     kept_ = manager_.present();
     service_->store_again();
-    steered_->report_state("playing");
+    steered_->report_state({});
     reported_exactness_ = kms_->exactness().summary();
     say("{}: back, {}\n", kms_->mode().name, reported_exactness_);
     return result;
@@ -420,16 +420,15 @@ class PlayRun {
   /// opened is an error, so the watchdog is left to restart the service.
   void report_waiting(const PanelWaiting& waiting) {
     const std::string why = waiting.reason.what();
-    steered_->report_state("waiting for the panel");
+    steered_->report_state({"no-panel", why});
     if (std::exchange(reported_, why) != why) say("waiting for the panel: {}\n", why);
     manager_.status(fmt::format("waiting for the panel{}: {}",
                                 waiting.card_shown ? ", test card shown" : "", why));
     if (waiting.panel_missing) manager_.ping();
     look_after_files();
     nlohmann::ordered_json statistics = statistics_json(lost_);
-    statistics["waiting_for"] = {{"reason", why},
-                                 {"panel_missing", waiting.panel_missing},
-                                 {"test_card_shown", waiting.card_shown}};
+    statistics["panel_missing"] = waiting.panel_missing;
+    statistics["test_card_shown"] = waiting.card_shown;
     write_stats(statistics);
   }
 
@@ -463,7 +462,7 @@ class PlayRun {
 
   [[nodiscard]] PlayResult play_card() {
     say("{}\n", source_error_->what());
-    steered_->report_state("test card");
+    steered_->report_state({"failed", source_error_->what()});
     service_->set_problem(source_error_->what());
     StillSource card(
         draw_test_card(display_->mode().geometry, error_card(flags_.source, *source_error_)));
@@ -617,7 +616,9 @@ class PlayRun {
       stall_begin_ = now - std::chrono::seconds(2);
       say("{}\n", stall_);
     }
-    steered_->report_state(!stall_.empty() ? "stalled" : source_error_ ? "test card" : "playing");
+    steered_->report_state(!stall_.empty() ? PlayState{"stalled", stall_}
+                           : source_error_ ? PlayState{"failed", source_error_->what()}
+                                           : PlayState());
   }
 
   /// Prints the start message once, for people and the journal.
@@ -649,7 +650,6 @@ class PlayRun {
     if (std::string name = video_decoder(); !name.empty()) json["video_decoder"] = std::move(name);
     if (const auto warnings = plan_.context.warnings->all(); !warnings.empty())
       json["rig_warnings"] = warnings;
-    json["stall"] = stall_;
     if (plan_.sound) json["sound"] = plan_.sound->statistics();
     if (proof_) json["proof"] = proof_->statistics();
     if (step_) json["step"] = step_->statistics();

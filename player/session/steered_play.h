@@ -142,14 +142,19 @@ class PlayControls final : public ControlTarget {
     const std::lock_guard lock(mutex_);
     source_ = source;
   }
-  /// Stores the newest statistics, and a one-word state of the player, for later requests.
+  /// Stores the newest statistics, and the state of the run, for later requests.
   void report_statistics(const nlohmann::ordered_json& statistics) {
     const std::lock_guard lock(mutex_);
     statistics_ = statistics;
   }
-  void report_state(const std::string& state) {
+  void report_state(const PlayState& run) {
     const std::lock_guard lock(mutex_);
-    state_ = state;
+    run_ = run;
+  }
+  /// Returns the state of the player, whose list has this status.
+  [[nodiscard]] PlayState state_with(const PlaylistStatus& status) const {
+    const std::lock_guard lock(mutex_);
+    return locked_state_with(status);
   }
 
  private:
@@ -207,21 +212,28 @@ class PlayControls final : public ControlTarget {
 
   using Answer = std::function<void(ControlAnswer)>;
 
+  [[nodiscard]] PlayState locked_state_with(const PlaylistStatus& status) const {
+    if (!run_.plays()) return run_;
+    if (playback_.is_off()) return {"off", "until 'power on'"};
+    if (playback_.paused()) return {"paused", "until 'play'"};
+    const bool waits = status.state.plays() && playback_.displayed().frames == 0;
+    return waits ? PlayState{"starting", "no frame has come yet"} : status.state;
+  }
   /// Returns the frame displayed at this moment and the item being read; around a change the two
   /// differ for a few frames.
   [[nodiscard]] nlohmann::ordered_json status() const {
     const DisplayedPlace displayed = playback_.displayed();
     const std::lock_guard lock(mutex_);
-    const bool playing = state_ == "playing";
-    const char* const held = playback_.is_off() ? "off" : playback_.paused() ? "paused" : nullptr;
-    ordered_json json = {{"state", playing && held != nullptr ? held : state_},
+    const PlaylistStatus status = source_ != nullptr ? source_->status() : PlaylistStatus();
+    const PlayState state = locked_state_with(status);
+    ordered_json json = {{"state", state.word},
+                         {"reason", state.reason},
                          {"speed", playback_.speed_permille() / 1000.0},
                          {"frames_shown", displayed.frames},
                          {"log_lines_dropped", dropped_log_lines()}};
     json["displayed"] = nullptr;
     if (source_ != nullptr) {
       const auto play = static_cast<uint32_t>(displayed.item);
-      const PlaylistStatus status = source_->status();
       if (displayed.frames > 0) {
         const ItemAccount item = source_->account_of(play).value_or(ItemAccount{});
         json["displayed"] = {{"source", item.source.text},
@@ -233,8 +245,7 @@ class PlayControls final : public ControlTarget {
       json["rounds_done"] = status.rounds_done;
       json["opening"] = status.opening;
       for (const auto& [key, text] :
-           {std::pair("cued", status.cued), std::pair("interrupted", status.interrupted),
-            std::pair("waiting_for", status.waiting_for)})
+           {std::pair("cued", status.cued), std::pair("interrupted", status.interrupted)})
         json[key] = text.empty() ? ordered_json(nullptr) : ordered_json(text);
       json["items_skipped"] = status.skipped;
       json["last_problem"] = status.last_problem;
@@ -245,9 +256,6 @@ class PlayControls final : public ControlTarget {
     if (plan_.sound) json["sound"] = plan_.sound->statistics();
     for (const char* key : {"write_problems", "rig_problem"})
       if (statistics_.contains(key)) json[key] = statistics_[key];
-    // Before the first report there are no statistics.
-    if (statistics_.contains("stall") && statistics_["stall"] != "")
-      json["last_problem"] = statistics_["stall"];
     return json;
   }
   [[nodiscard]] nlohmann::ordered_json statistics() const {
@@ -257,7 +265,8 @@ class PlayControls final : public ControlTarget {
   [[nodiscard]] nlohmann::ordered_json doctor() const {
     const std::lock_guard lock(mutex_);
     ordered_json json;
-    for (const char* key : {"display", "exactness", "kms", "waiting_for", "source_pace", "sound"})
+    for (const char* key :
+         {"display", "exactness", "kms", "state", "reason", "source_pace", "sound"})
       json[key] = statistics_.contains(key) ? statistics_[key] : ordered_json(nullptr);
     return json;
   }
@@ -506,7 +515,7 @@ class PlayControls final : public ControlTarget {
   mutable std::mutex mutex_;  ///< guards the members below
   PlaylistSource* source_ = nullptr;
   nlohmann::ordered_json statistics_;
-  std::string state_ = "starting";
+  PlayState run_{"starting"};
 
   std::unique_ptr<FrameMemory> frame_memory_;  ///< used by the worker thread
 
@@ -608,7 +617,7 @@ class SteeredPlay {
       options.control = &controls_->playback();
       source_->set_speed(controls_->playback().speed_permille() / 1000.0);
     }
-    report_state("playing");
+    report_state({});
   }
   /// Switches the output off after the first frame, as it was in the previous player.
   void begin_off() {
@@ -618,10 +627,11 @@ class SteeredPlay {
   void look_again() {
     if (source_ != nullptr) source_->look_again();
   }
-  /// Sets the state, one word; publishes an event if it changed.
-  void report_state(const std::string& state) {
-    if (controls_) controls_->report_state(state);
-    if (std::exchange(state_, state) != state) publish({{"event", "state"}, {"state", state}});
+  /// Sets the state of the run, and publishes an event if that of the player changed.
+  void report_state(const PlayState& run) {
+    run_ = run;
+    if (controls_) controls_->report_state(run);
+    publish_state();
   }
   /// Call about once a second: updates the statistics, warns, and publishes events.
   void report(const PlayReport& report) {
@@ -635,6 +645,9 @@ class SteeredPlay {
     publish_changes(report);
   }
   void complete(nlohmann::ordered_json& statistics) {
+    const PlayState player = state();
+    statistics["state"] = player.word;
+    statistics["reason"] = player.reason;
     statistics["source_pace"] = to_json(pace_.figures());
     if (source_ != nullptr) {
       const PlaylistStatus status = source_->status();
@@ -648,7 +661,6 @@ class SteeredPlay {
                                 {"seams", status.loop_points},
                                 {"items_skipped", status.skipped},
                                 {"last_problem", status.last_problem},
-                                {"waiting_for", status.waiting_for},
                                 {"damaged_items", ordered_json::array()}};
       for (const auto& [source, damage] : status.damaged_items) {
         ordered_json item = {{"source", source}};
@@ -677,7 +689,7 @@ class SteeredPlay {
     const bool nothing_played = status.started == 0;
     const bool only_one_broke = !is_list_ && status.started <= 1 && status.skipped > 0;
     if (!nothing_played && !only_one_broke) return {};
-    if (is_list_ && !status.waiting_for.empty()) return status.list + ": " + status.waiting_for;
+    if (is_list_ && !status.state.plays()) return status.list + ": " + status.state.reason;
     return status.last_problem.empty() ? "none of its items could be played" : status.last_problem;
   }
 
@@ -727,7 +739,6 @@ class SteeredPlay {
       case Kind::LoopPoint:
         return publish({{"event", "seam"}, {"source", event.source}});
       case Kind::Waiting:
-        publish({{"event", "waiting"}, {"source", event.source}, {"cause", event.detail}});
         return say("{}: {}\n", event.source, event.detail);
       case Kind::ItemDamaged:
         publish({{"event", "damaged_item"}, {"source", event.source}, {"cause", event.detail}});
@@ -759,11 +770,19 @@ class SteeredPlay {
   void publish(nlohmann::ordered_json event) {
     if (ControlServer* const server = serving_.load()) server->publish(std::move(event));
   }
+  [[nodiscard]] PlayState state() const {
+    const PlaylistStatus status = source_ != nullptr ? source_->status() : PlaylistStatus();
+    return controls_ ? controls_->state_with(status) : run_.plays() ? status.state : run_;
+  }
+  void publish_state() {
+    const PlayState now = state();
+    if (std::exchange(published_, now) != now)
+      publish({{"event", "state"}, {"state", now.word}, {"reason", now.reason}});
+  }
   void publish_changes(const PlayReport& report) {
     const uint64_t missed = report.pace.missed - before_.pace.missed;
     const uint64_t late = report.pace.repeated_underrun - before_.pace.repeated_underrun;
-    if (report.off != before_.off)
-      publish({{"event", "state"}, {"state", report.off ? "off" : state_}});
+    publish_state();
     if (missed + late > 0)
       publish({{"event", "frame_missed"}, {"missed_vblanks", missed}, {"late_frames", late}});
     if (plan_.trim && plan_.trim->version() != trim_version_) {
@@ -787,7 +806,7 @@ class SteeredPlay {
   SourcePace pace_;
   PlayReport before_;
   uint64_t trim_version_ = 0;
-  std::string state_;
+  PlayState run_{"starting"}, published_ = run_;
   std::mutex reported_mutex_;
   std::set<std::string> reported_;  ///< complaints already printed; each is printed once
 };

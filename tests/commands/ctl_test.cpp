@@ -96,6 +96,7 @@ TEST_F(Ctl, APauseStopsDisplayedFrames) {
   start(film_pattern(0), {"--loop", "forever"});
   pause_still();
   EXPECT_EQ(answer({"status"})["state"], "paused");
+  EXPECT_EQ(answer({"status"})["reason"], "until 'play'");
   const uint64_t shown = frames_shown();
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   EXPECT_EQ(frames_shown(), shown);
@@ -192,7 +193,8 @@ TEST_F(Ctl, AListWithoutAPlayableItemShowsItsDefaultAndSaysWhy) {
   start(path("gone.toml"));
   EXPECT_EQ(displayed()["source"], "card");
   const std::string why = "none of 2 items can be played: ";
-  EXPECT_TRUE(answer({"status"})["waiting_for"].get<std::string>().starts_with(why));
+  EXPECT_EQ(answer({"status"})["state"], "failed");
+  EXPECT_TRUE(answer({"status"})["reason"].get<std::string>().starts_with(why));
   EXPECT_NE(quit().err.find(path("gone.toml") + ": " + why), std::string::npos);
 }
 
@@ -200,8 +202,8 @@ TEST_F(Ctl, AListOfOneItemIsTriedAgain) {
   write("one.toml", "loop = \"forever\"\n[[item]]\nsource = \"late.png\"\n");
   start(path("one.toml"));
   EXPECT_EQ(displayed()["source"], "black");
-  EXPECT_NE(answer({"status"})["waiting_for"].get<std::string>().find("late.png"),
-            std::string::npos);
+  EXPECT_EQ(answer({"status"})["state"], "failed");
+  EXPECT_NE(answer({"status"})["reason"].get<std::string>().find("late.png"), std::string::npos);
   std::filesystem::copy(film_pattern(0).replace(film_pattern(0).find("%03d"), 4, "004"),
                         path("late.png"));
   EXPECT_TRUE(comes_true([&] { return displayed()["source"] == path("late.png"); }));

@@ -147,7 +147,7 @@ TEST_F(Folder, ABrokenFilmAndOneOfAnotherRigAreReportedOnceWithTheRemedy) {
 
 TEST_F(Folder, AnEmptyFolderSaysThatItWaits) {
   play();
-  EXPECT_TRUE(comes_true([this] { return says_about("waiting_for", "no file to play yet"); }));
+  EXPECT_TRUE(comes_true([this] { return says_about("reason", "no file to play yet"); }));
   EXPECT_EQ(count_of(messages(), path("films/") + ": no file to play yet"), 1u);
   expect_end(run_process(play_words(path("films/"), {"--duration", "0.1"})), 4,
              "no file to play yet");

@@ -56,8 +56,10 @@ TEST_F(TestCardCommand, TimesOutIfTheNamedPanelIsMissing) {
              3, "waiting for the panel");
   const nlohmann::json stats = nlohmann::json::parse(std::ifstream(path("stats.json")));
   EXPECT_EQ(stats.at("outcome"), "waiting for the panel");
-  EXPECT_EQ(stats.at("waiting_for").at("panel_missing"), true);
-  EXPECT_EQ(stats.at("waiting_for").at("test_card_shown"), false);
+  EXPECT_EQ(stats.at("state"), "no-panel");
+  EXPECT_NE(stats.at("reason"), "");
+  EXPECT_EQ(stats.at("panel_missing"), true);
+  EXPECT_EQ(stats.at("test_card_shown"), false);
 }
 
 }  // namespace

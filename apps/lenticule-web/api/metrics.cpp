@@ -91,9 +91,10 @@ void add_sentences(const ordered_json& state, const ordered_json& statistics,
     say("The player does not answer: " + state["problem"].get<std::string>() + ".");
     return;
   }
-  const ordered_json doing = member(status, "state");
-  if (doing.is_string() && doing != "playing" && doing != "paused")
-    say("The player does not play; its state is: " + doing.get<std::string>() + ".");
+  const std::string doing = text_in(status, "state"), why = text_in(status, "reason");
+  if (!doing.empty() && doing != "playing" && doing != "paused")
+    say(fmt::format("The player does not play; its state is: {}{}{}.", doing,
+                    why.empty() ? "" : ": ", why));
   if (const std::string rig = text_in(status, "rig_problem"); !rig.empty())
     say("The rig file is not followed: " + rig + ".");
   for (const ordered_json& write : list_in(member(status, "write_problems")))
@@ -110,8 +111,6 @@ void add_sentences(const ordered_json& state, const ordered_json& statistics,
   if (late > 0)
     say(fmt::format("{} in the last hour the next frame was not ready in time.",
                     late == 1 ? "Once" : fmt::format("{} times", late)));
-  if (const std::string why = text_in(status, "waiting_for"); !why.empty())
-    say("Nothing of the list plays now: " + why + ".");
   if (const std::string problem = text_in(status, "last_problem"); !problem.empty())
     say("The player's last problem: " + problem + ".");
   if (number_at(statistics, "damaged_frames").value_or(0) > 0)

@@ -19,14 +19,15 @@ function showState(now) {
   state = now;
   const status = now.status;
   const place = status && status.displayed;
+  const doing = status ? status.state + (status.reason ? ": " + plain(status.reason) : "") : "";
   $("playing").textContent = !now.connected ? "The player does not answer"
     : now.shown_instead ? "Shown instead of the content: " + (INSTEAD[now.shown_instead] || now.shown_instead)
       : place ? baseName(place.source) : "Nothing is playing";
   $("where").textContent = !now.connected ? plain(now.problem)
-    : place ? `${status.state}, frame ${place.frame}` + (place.item === null ? ""
-      : `, item ${place.item + 1} of ${status.reading ? status.reading.items : 1}`) : "";
-  $("problem").textContent = !status ? "" : status.waiting_for ? "Waiting: " + plain(status.waiting_for)
-    : status.last_problem ? "Last problem: " + plain(status.last_problem) : "";
+    : place ? `${doing}, frame ${place.frame}` + (place.item === null ? ""
+      : `, item ${place.item + 1} of ${status.reading ? status.reading.items : 1}`)
+      : doing;
+  $("problem").textContent = !status ? "" : status.last_problem ? "Last problem: " + plain(status.last_problem) : "";
   const paused = Boolean(status && status.state === "paused");
   $("pause").textContent = paused ? "Play" : "Pause";
   $("pause").setAttribute("aria-pressed", String(paused));

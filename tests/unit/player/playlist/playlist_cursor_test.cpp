@@ -39,6 +39,20 @@ TEST_F(PlaylistCursorTest, AnItemOfTheNewListContinuesAtItsNewPlace) {
   EXPECT_EQ(next(), "z");
 }
 
+TEST_F(PlaylistCursorTest, TheLastItemCompletesNoRoundIfItIsPlayedBeforeTheFirst) {
+  auto once = std::make_shared<Playlist>(test::list_of({"a", "b", "c"}, 1));
+  cursor = PlaylistCursor(once);
+  play(0);
+  const PlaylistPlace back = cursor.target_of({.item = -1, .relative = true});
+  EXPECT_EQ(back.index, 2u);
+  cursor.jump(back);
+  cursor.begin(back.index, back.rounds_done);
+  const NextItem after = cursor.next(kNow);
+  EXPECT_EQ(after.kind, NextItem::Kind::Item);
+  EXPECT_EQ(after.index, 0u);
+  EXPECT_EQ(after.rounds_done, 0u) << "the whole round is still to come";
+}
+
 TEST_F(PlaylistCursorTest, OfEqualItemsTheOneAtTheSamePlaceContinues) {
   play(1);
   EXPECT_TRUE(cursor.replace_list(list({"b", "b", "z"}), &playing));

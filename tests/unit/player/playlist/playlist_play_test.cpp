@@ -213,8 +213,10 @@ TEST_F(PlaylistPlay, PlaysTheDefaultIfNoItemCanBePlayed) {
   const std::vector<uint64_t> numbers = shown_numbers(32);
   ASSERT_EQ(numbers.size(), 40u);
   for (size_t k = 0; k < numbers.size(); ++k) EXPECT_EQ(numbers[k], k % 2);
-  EXPECT_EQ(status.waiting_for, "none of 2 items can be played: empty: it contains no frame");
-  EXPECT_THAT(details_of(PlaylistEvent::Kind::Waiting), testing::ElementsAre(status.waiting_for));
+  EXPECT_EQ(status.state.word, "failed");
+  EXPECT_EQ(status.state.reason,
+            "none of 2 items can be played: missing: no such file; look for it");
+  EXPECT_THAT(details_of(PlaylistEvent::Kind::Waiting), testing::ElementsAre(status.state.reason));
 }
 
 TEST_F(PlaylistPlay, AnItemThatBreaksAfterItsFirstFramesPlaysAgainInsteadOfTheDefault) {
@@ -238,8 +240,16 @@ TEST_F(PlaylistPlay, IsBlackUntilAnItemIsScheduledAndSaysWhen) {
   EXPECT_EQ(result.report.pace.vblanks, 60u);
   EXPECT_EQ(recorder->shown().front().checksum, checksum(0));
   EXPECT_EQ(status.started, 0u) << "black is no item";
-  EXPECT_EQ(status.waiting_for, "no item is scheduled before Mon 09:00");
-  EXPECT_THAT(details_of(PlaylistEvent::Kind::Waiting), testing::ElementsAre(status.waiting_for));
+  EXPECT_EQ(status.state, (PlayState{"waiting", "no item is scheduled before Mon 09:00"}));
+  EXPECT_THAT(details_of(PlaylistEvent::Kind::Waiting), testing::ElementsAre(status.state.reason));
+}
+
+TEST_F(PlaylistPlay, GrabbersThatCannotBePlayedHaveNoSignal) {
+  put("black", 0, 1);
+  longest_wait = std::chrono::milliseconds(50);
+  (void)play_list(list_of({"v4l2:/dev/video0", "v4l2:/dev/video1"}, kForever));
+  EXPECT_EQ(status.state.word, "no-signal");
+  EXPECT_NE(status.state.reason.find("v4l2:/dev/video0: no such file"), std::string::npos);
 }
 
 TEST_F(PlaylistPlay, EndsAfterTheLongestWaitForAnItem) {
@@ -247,7 +257,9 @@ TEST_F(PlaylistPlay, EndsAfterTheLongestWaitForAnItem) {
   longest_wait = std::chrono::milliseconds(50);
   EXPECT_EQ(play_list(list_of({"missing", "gone"}, kForever)).outcome, PlayOutcome::Finished);
   EXPECT_EQ(status.started, 0u);
-  EXPECT_EQ(status.waiting_for, "none of 2 items can be played: gone: no such file; look for it");
+  EXPECT_EQ(status.state.word, "failed");
+  EXPECT_EQ(status.state.reason,
+            "none of 2 items can be played: missing: no such file; look for it");
 }
 
 /// Stands for a film on a slow disk, whose index is at its end.

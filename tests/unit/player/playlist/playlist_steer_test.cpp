@@ -213,6 +213,18 @@ TEST_F(PlaylistSteer, NextAndPreviousWrapAroundTheList) {
   EXPECT_EQ(jump({.item = 3}), "item 3: the list has 3 items");
 }
 
+TEST_F(PlaylistSteer, TheStateOfABlankPanelIsBlankUntilBack) {
+  shelf.put("a", {0, {.geometry = kItemSize, .frames = 400}});
+  shelf.put("black", {500, {.geometry = kItemSize, .frames = 1}});
+  start(playlist_of(parse_source("a"), kForever));
+  ASSERT_TRUE(is_moving());
+  EXPECT_EQ(source->status().state, PlayState());
+  ASSERT_EQ(jump({.list = other("black"), .item = 0, .interrupts = true}), "");
+  EXPECT_EQ(source->status().state, (PlayState{"blank", "until 'back'"}));
+  ASSERT_EQ(back(), "");
+  EXPECT_EQ(source->status().state, PlayState());
+}
+
 TEST_F(PlaylistSteer, NextAndPreviousPassItemsThatCannotBePlayed) {
   for (const char* name : {"a", "d"}) shelf.put(name, {0, {.geometry = kItemSize, .frames = 100}});
   shelf.put("breaks", {0, {.geometry = kItemSize, .frames = 10, .fails_after = 0}});
@@ -250,11 +262,11 @@ TEST_F(PlaylistSteer, AnItemThatPlaysIsNotWaitedForHoweverOftenTheOthersAreTried
   int attempts = 4;  // a, and the three of the next round
   for (int n = 0; n < 3; ++n, attempts += 5) {
     ASSERT_TRUE(next_is_open(attempts));
-    EXPECT_EQ(source->status().waiting_for, "");
+    EXPECT_TRUE(source->status().state.plays()) << source->status().state.reason;
     EXPECT_EQ(jump({.item = 1, .relative = true}), "c: no such file");
   }
   ASSERT_TRUE(next_is_open(attempts));
-  EXPECT_EQ(source->status().waiting_for, "");
+  EXPECT_TRUE(source->status().state.plays()) << source->status().state.reason;
   EXPECT_EQ(source->status().skipped, 2u) << "each is one item, however often it is tried";
 }
 
@@ -442,6 +454,7 @@ TEST_F(PlaylistSteer, AListDoesNotEndWhileAnItemIsCued) {
   ASSERT_TRUE(test::comes_true([&] { return plays("a", 39); }));
   std::this_thread::sleep_for(milliseconds(50));
   EXPECT_TRUE(plays("a", 39)) << "the last frame stays";
+  EXPECT_EQ(source->status().state, (PlayState{"cued", "b waits for 'go'"}));
   ASSERT_EQ(go(), "");
   player.join();
   EXPECT_EQ(result.outcome, PlayOutcome::Finished);
