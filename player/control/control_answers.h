@@ -133,6 +133,9 @@ inline nlohmann::ordered_json item_json(const PlaylistItem& item) {
   if (item.frames) json["frames"] = fmt::format("{}:{}", item.frames->begin, item.frames->end);
   if (item.waits_until_primed) json["cut"] = "primed";
   if (item.wait_s != PlaylistItem{}.wait_s) json["wait_s"] = item.wait_s;
+  if (item.transition)
+    json["transition"] = kTransitionNames.at(static_cast<size_t>(*item.transition));
+  if (item.transition_s) json["transition_seconds"] = *item.transition_s;
   if (item.weight != 1) json["weight"] = item.weight;
   if (!item.fit.empty()) json["fit"] = item.fit;
   if (!item.sound.empty()) json["sound"] = item.sound;
@@ -159,6 +162,8 @@ inline nlohmann::ordered_json item_json(const PlaylistItem& item) {
   if (list.file) json["file"] = std::filesystem::absolute(list.name).lexically_normal().string();
   json["loop"] = loops_json(list.rounds);
   if (list.shuffle) json["shuffle"] = *list.shuffle;
+  json["transition"] = kTransitionNames.at(static_cast<size_t>(list.transition));
+  json["transition_seconds"] = list.transition_s;
   json["default"] = list.standby ? item_json(*list.standby) : nlohmann::ordered_json(nullptr);
   json["count"] = list.items.size();
   json["first"] = first;

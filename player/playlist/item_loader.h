@@ -588,6 +588,10 @@ class ItemLoader {
     bool list_is_old = false;
     Attempt attempt = unlocked(lock, [&] {
       Attempt opened = try_open(item, 0);
+      const TransitionKind kind = list->transition_to(item);
+      if (opened.item && kind != TransitionKind::Cut)
+        opened.item->transition = std::make_unique<Transition>(
+            kind, item.transition_s.value_or(list->transition_s), options_.panel);
       // A file that was removed from a folder is no fault: the list is read again first.
       list_is_old = !opened.item && is_list_changed(*list);
       return opened;

@@ -21,7 +21,8 @@ bool OpenItem::live_is_over() const {
 std::optional<uint64_t> OpenItem::frame_limit(frames::Rate rate) const {
   const auto seconds = item.still_s && is_still() ? item.still_s : item.duration_s;
   if (!seconds) return std::nullopt;
-  return static_cast<uint64_t>(std::max(1.0, std::round(*seconds * rate.hertz())));
+  const double left = *seconds - blended_s;
+  return static_cast<uint64_t>(std::max(1.0, std::round(left * rate.hertz())));
 }
 
 Error no_such_frame(const PlaylistItem& item, uint64_t frame, uint64_t count) {

@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "player/playback/play_statistics.h"
 #include "player/playlist/playlist.h"
+#include "player/playlist/transition.h"
 #include "player/sources/open_source.h"
 
 namespace lenticule::player {
@@ -27,6 +28,7 @@ struct OpenItem {
   uint64_t first_frame = 0;
   std::vector<FileMark> files;  ///< state of the files before the item was opened
   OpenedSource opened;
+  std::unique_ptr<Transition> transition{};  ///< to this item; null: a cut
 
   // Changed by the frame copier.
   uint32_t number = 0;  ///< running number over all items that were started
@@ -38,7 +40,9 @@ struct OpenItem {
   uint64_t last_number = 0;  ///< number of the frame that was pulled last
   bool returns = false;      ///< continues after an interruption
   uint64_t acquired = 0;
-  frames::FrameDamage damage{};  ///< the part that is already reported
+  frames::FrameDamage damage{};                    ///< the part that is already reported
+  std::optional<frames::AcquiredFrame> picture{};  ///< a still picture during its transition
+  double blended_s = 0.0;                          ///< time of that transition so far
   bool skips_to_first = false;
   bool waits_for_renderer = false;  ///< a ring between two sequences
   std::chrono::steady_clock::time_point begun{};

@@ -27,6 +27,7 @@ namespace {
 
 constexpr int64_t kMaxLoops = 1'000'000'000;
 constexpr double kMaxSeconds = 1e6;
+constexpr double kMaxTransitionSeconds = 10.0;
 constexpr size_t kMaxSourceBytes = 4096;
 constexpr std::array<std::string_view, 7> kDays = {"mon", "tue", "wed", "thu", "fri", "sat", "sun"};
 constexpr int kMinutesPerDay = 24 * 60;
@@ -128,6 +129,13 @@ std::optional<int> Schedule::minutes_until_begin(LocalTime now) const {
     if (minutes >= 0 && begins_on(*this, now.day + days)) return minutes;
   }
   return std::nullopt;
+}
+
+bool Playlist::has_transitions() const {
+  const auto blends = [this](const auto& item) {
+    return transition_to(item) != TransitionKind::Cut;
+  };
+  return std::ranges::any_of(items, blends) || (standby && blends(*standby));
 }
 
 size_t Playlist::items_scheduled(LocalTime now) const {
@@ -251,6 +259,10 @@ class Reader {
         else
           list.shuffle = seed(node);
         key_.clear();
+      } else if (key.str() == "transition") {
+        list.transition = transition(node);
+      } else if (key.str() == "transition_seconds") {
+        list.transition_s = transition_seconds(node);
       } else if (key.str() == "default") {
         list.standby = item(node);
         if (names_folder(list.standby->source.text))
@@ -261,7 +273,8 @@ class Reader {
         items(node, list);
       } else {
         fail_at(key.source().begin.line, fmt::format("unknown key '{}'", key.str().substr(0, 64)),
-                "a list has format, loop, shuffle, [default] and [[item]]");
+                "a list has format, loop, shuffle, transition, transition_seconds, [default] and "
+                "[[item]]");
       }
     }
     if (list.items.empty()) fail_at(1, "no [[item]]", "an item needs at least source = \"...\"");
@@ -371,6 +384,10 @@ class Reader {
         item.frames = parse_frame_range(text(node));
       else if (key == "cut")
         item.waits_until_primed = waits_until_primed(node);
+      else if (key == "transition")
+        item.transition = transition(node);
+      else if (key == "transition_seconds")
+        item.transition_s = transition_seconds(node);
       else if (key == "weight")
         item.weight = static_cast<uint64_t>(number(node, 1, int64_t{kMaxWeight}));
       else if (key == "fit")
@@ -383,8 +400,9 @@ class Reader {
         item.volume_db = decibels(node);
       else if (!layout_key(key, node, content))
         fail_at(node.source().begin.line, fmt::format("unknown key '{}'", key.substr(0, 64)),
-                "an item has source, loops, duration_s, fps, frames, cut, sound, volume, wait_s, "
-                "weight, fit, schedule, and the layout of its views: grid, stereo, depth...");
+                "an item has source, loops, duration_s, fps, frames, cut, transition, "
+                "transition_seconds, sound, volume, wait_s, weight, fit, schedule, and the layout "
+                "of its views: grid, stereo, depth...");
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::Input) throw;
       std::string flag = fmt::format("--{} ", key);
@@ -477,6 +495,18 @@ class Reader {
     if (value && *value > 0.0 && *value <= kMaxSeconds) return *value;
     fail(node, "not a number of seconds",
          fmt::format("write more than 0, at most {}", kMaxSeconds));
+  }
+  [[nodiscard]] TransitionKind transition(const toml::node& node) const {
+    const auto* const name = std::ranges::find(kTransitionNames, text(node));
+    if (name == kTransitionNames.end())
+      fail(node, fmt::format("transition '{}': unknown", text(node).substr(0, 64)),
+           "use cut, fade (through black) or cross (cross-fade)");
+    return static_cast<TransitionKind>(name - kTransitionNames.begin());
+  }
+  [[nodiscard]] double transition_seconds(const toml::node& node) const {
+    const double value = seconds(node);
+    if (value <= kMaxTransitionSeconds) return value;
+    fail(node, fmt::format("transition_seconds: more than {}", kMaxTransitionSeconds));
   }
   [[nodiscard]] uint64_t loops(const toml::node& node) const {
     if (const auto* const word = node.as_string(); word != nullptr && word->get() == "forever")

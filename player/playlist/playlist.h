@@ -2,6 +2,7 @@
 // Playlist holds the items to play one after the other, how often, and at which times of the week.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -66,6 +67,12 @@ struct Schedule {
   friend bool operator==(const Schedule&, const Schedule&) = default;
 };
 
+/// TransitionKind is how an item follows the one before it: at once, through black, or by a
+/// cross-fade.
+enum class TransitionKind { Cut, Fade, Cross };
+inline constexpr std::array<std::string_view, 3> kTransitionNames = {"cut", "fade", "cross"};
+inline constexpr double kTransitionSeconds = 0.5;
+
 struct PlaylistItem {
   /// Not a list; a folder only until FolderLists::with_files().
   SourceSpec source{};
@@ -78,7 +85,9 @@ struct PlaylistItem {
   std::optional<Schedule> schedule{};
   /// Starts the item only when its pool is full, instead of with the first due frame.
   bool waits_until_primed = false;
-  double wait_s = 10.0;    ///< seconds without a frame after which the item is skipped
+  double wait_s = 10.0;  ///< seconds without a frame after which the item is skipped
+  std::optional<TransitionKind> transition{};  ///< none: that of the list
+  std::optional<double> transition_s{};
   uint64_t weight = 1;     ///< plays of the item, relative to others of its list
   std::string fit{};       ///< as --fit; empty: that of the command
   std::string sound{};     ///< file of the item's sound, "none", or empty: as found
@@ -97,6 +106,9 @@ struct Playlist {
   std::optional<PlaylistItem> standby;  ///< played when no item is scheduled or can be played
   uint64_t rounds = 1;                  ///< or kForever
   std::optional<uint64_t> shuffle{};  ///< plays each round in another order, which this seed gives
+  /// The transition of items that state none.
+  TransitionKind transition = TransitionKind::Cut;
+  double transition_s = kTransitionSeconds;
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};
   /// Shows black while no item can be played, because its files may come later.
@@ -104,6 +116,11 @@ struct Playlist {
 
   /// Returns true for a list of one item that ends with it.
   [[nodiscard]] bool is_single() const { return items.size() == 1 && !standby && !awaits_files; }
+  [[nodiscard]] TransitionKind transition_to(const PlaylistItem& item) const {
+    return item.transition.value_or(transition);
+  }
+  /// Returns true if an item follows another one otherwise than by a cut.
+  [[nodiscard]] bool has_transitions() const;
   [[nodiscard]] size_t items_scheduled(LocalTime now) const;
   /// Returns true if the item's weight gives it a place in the round. The heaviest items are in
   /// each round; the places of the others are spread evenly over the rounds.

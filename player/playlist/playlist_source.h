@@ -111,23 +111,18 @@ class PlaylistSource final : public frames::FrameSource {
     return PullStatus::NotYet;
   }
   void release(uint64_t token) override {
-    const auto acquired = std::find_if(acquired_.begin(), acquired_.end(),
-                                       [&](const Acquired& one) { return one.token == token; });
-    LENTICULE_CHECK(acquired != acquired_.end());
-    OpenItem* const item = acquired->item;
-    item->opened.source->release(acquired->inner);
-    acquired_.erase(acquired);
-    if (--item->acquired > 0 || item == current_.get()) return;
-    const auto retired = std::find_if(retired_.begin(), retired_.end(),
-                                      [&](const auto& one) { return one.get() == item; });
-    if (retired == retired_.end()) return;
-    loader_.close(std::move(*retired));
-    retired_.erase(retired);
+    for (std::optional<KeptFrame>* kept : {&last_, &held_})
+      if (*kept && (*kept)->frame.token == token) {
+        (*kept)->is_released = true;
+        return;
+      }
+    give_back(token);
   }
   [[nodiscard]] int max_acquired() const override {
-    return current_
-               ? std::min(current_->opened.source->max_acquired(), static_cast<int>(kMaxAcquired))
-               : 2;
+    if (!current_) return 2;
+    const int most = std::min(current_->opened.source->max_acquired(), int{kMaxAcquired});
+    return std::min(most - (keeps_last_ && most > 1 ? 1 : 0),
+                    held_ ? Transition::kMostAcquired : most);
   }
   [[nodiscard]] uint64_t ready_count() const override {
     return current_ ? current_->opened.source->ready_count() : 0;
@@ -172,8 +167,14 @@ class PlaylistSource final : public frames::FrameSource {
   }
   struct Acquired {
     uint64_t token = 0;
-    uint64_t inner = 0;  ///< token of the item's source
+    uint64_t inner = 0;  ///< token of the item's source, or of its transition
     OpenItem* item = nullptr;
+    bool is_blended = false;
+  };
+  /// KeptFrame is needed for a transition, also when the frame copier has released it.
+  struct KeptFrame {
+    frames::AcquiredFrame frame;
+    bool is_released = false;
   };
 
   // Frames.
@@ -218,6 +219,10 @@ class PlaylistSource final : public frames::FrameSource {
   /// a failure.
   [[nodiscard]] frames::PullStatus pull_from(OpenItem& item, frames::AcquiredFrame& out) {
     frames::FrameSource& source = *item.opened.source;
+    if (item.picture) {
+      out = held_ ? *item.picture : *std::exchange(item.picture, std::nullopt);
+      return PullStatus::Ready;
+    }
     for (int step = 0; step < kStepsPerPull; ++step) {
       const PullStatus status = source.pull(out);
       if (status != PullStatus::Ready) return status;
@@ -246,19 +251,57 @@ class PlaylistSource final : public frames::FrameSource {
     idle_ = false;
     if (item.waits_for_renderer) loader_.wait_for_renderer(item, false);
     item.waiting_since = SteadyClock::now();
-    rate_ = rate_of(item);
+    // A still picture is blended at each refresh, in time that counts as its own.
+    const bool stands = held_ && item.is_still();
+    rate_ = stands && !options_.rate ? display_rate_ : rate_of(item);
+    if (stands) item.picture = out;
+    if (stands) item.blended_s += 1.0 / rate_->hertz();
     acquired_.push_back({.token = next_token_, .inner = out.token, .item = &item});
+    if (held_) blend(item, out);
     ++item.acquired;
-    ++item.pulled_this_round;
+    item.pulled_this_round += stands ? 0 : 1;
     ++item.handed_out;
     item.last_number = out.number;
     out.token = next_token_++;
     out.item = item.number;
     reporter_.count_damage(item);
     if (!item.is_placeholder()) give_up_at_.reset();
+    drop(last_);
+    if (keeps_last_) last_ = {.frame = out};
+    const bool starts = item.handed_out == 1 && item.frames_pulled == 0;
+    item.frames_pulled += stands ? 0 : 1;
     if (item.handed_out == 1) loader_.note_first_frame(item);
-    if (item.frames_pulled++ > 0 || item.is_placeholder()) return;
-    reporter_.started(item);
+    if (starts && !item.is_placeholder()) reporter_.started(item);
+  }
+  void give_back(uint64_t token) {
+    const auto acquired = std::find_if(acquired_.begin(), acquired_.end(),
+                                       [&](const Acquired& one) { return one.token == token; });
+    LENTICULE_CHECK(acquired != acquired_.end());
+    OpenItem* const item = acquired->item;
+    if (acquired->is_blended)
+      item->transition->release(acquired->inner);
+    else
+      item->opened.source->release(acquired->inner);
+    acquired_.erase(acquired);
+    if (--item->acquired > 0 || item == current_.get()) return;
+    const auto retired = std::find_if(retired_.begin(), retired_.end(),
+                                      [&](const auto& one) { return one.get() == item; });
+    if (retired == retired_.end()) return;
+    loader_.close(std::move(*retired));
+    retired_.erase(retired);
+  }
+  /// Replaces the acquired frame by the next step of the transition.
+  void blend(OpenItem& item, frames::AcquiredFrame& out) {
+    const uint64_t steps = item.transition->steps(*rate_);
+    Acquired& acquired = acquired_.back();
+    acquired.inner = item.transition->blend(held_->frame.frame, item.handed_out, steps, out.frame);
+    acquired.is_blended = true;
+    if (!item.picture) item.opened.source->release(out.token);
+    if (item.handed_out + 1 == steps) drop(held_);
+  }
+  void drop(std::optional<KeptFrame>& kept) {
+    const auto gone = std::exchange(kept, std::nullopt);
+    if (gone && gone->is_released) give_back(gone->frame.token);
   }
 
   // Changes of items.
@@ -335,7 +378,12 @@ class PlaylistSource final : public frames::FrameSource {
     item->number = next_number_++;
     begin_sound(*item);
     item->begun = item->waiting_since = SteadyClock::now();
+    if (last_ && item->transition)
+      held_ = std::exchange(last_, std::nullopt);
+    else
+      item->transition.reset();
     current_ = std::move(item);
+    keeps_last_ = current_->list->has_transitions();
     next_asked_ = false;
     watch(*current_, true);
     loader_.begin(*current_);
@@ -361,6 +409,8 @@ class PlaylistSource final : public frames::FrameSource {
       reporter_.report_damage(*current_);
     }
     reporter_.end(*current_, to_end);
+    if (current_->picture) current_->opened.source->release(current_->picture->token);
+    drop(held_);
     if (current_->acquired > 0)
       retired_.push_back(std::move(current_));
     else
@@ -377,7 +427,7 @@ class PlaylistSource final : public frames::FrameSource {
     loader_.skip(fault);
   }
   void want_next_in_time() {
-    if (next_asked_ || !current_) return;
+    if (next_asked_ || !current_ || held_) return;
     const OpenItem& item = *current_;
     const auto count = item.opened.source->frame_count();
     const uint64_t loops = loader_.loops_of(item);
@@ -461,6 +511,9 @@ class PlaylistSource final : public frames::FrameSource {
   std::unique_ptr<OpenItem> current_;
   std::vector<std::unique_ptr<OpenItem>> retired_;  ///< items with frames that are still borrowed
   std::vector<Acquired> acquired_;
+  std::optional<KeptFrame> last_;  ///< the last frame, in a list with transitions
+  std::optional<KeptFrame> held_;  ///< during a transition: the last frame of the item before
+  bool keeps_last_ = false;
   std::optional<frames::AcquiredFrame> in_hand_;  ///< first frame after a jump
   std::optional<frames::Rate> rate_;
   uint64_t next_token_ = 1;

@@ -12,6 +12,7 @@
 #include "display/open/open_display.h"
 #include "player/playlist/playlist_reporter.h"
 #include "player/playlist/source_pace.h"
+#include "player/playlist/transition.h"
 #include "player/process/interrupt.h"
 #include "player/session/play_run.h"
 
@@ -47,7 +48,27 @@ ordered_json row_of(const std::string& source, const std::string& problem) {
   return row;
 }
 
-ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
+/// Measures whether this machine blends frames of a transition at the item's rate.
+PaceFigures measure_transition(const frames::FrameGeometry& panel, frames::Rate needed) {
+  Transition transition(TransitionKind::Cross, 1.0, panel);
+  frames::WovenFrame frame(panel);
+  for (size_t n = 0; n < frame.bytes().size(); ++n) frame.bytes()[n] = static_cast<uint8_t>(n / 7);
+  const auto begin = std::chrono::steady_clock::now();
+  for (uint64_t k = 0; k < Transition::kMostAcquired; ++k) {
+    frames::FrameView next = frame.view();
+    (void)transition.blend(frame.view(), k, Transition::kMostAcquired, next);
+  }
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
+  PaceFigures figures{.needed_fps = needed.hertz(),
+                      .seen_fps = Transition::kMostAcquired / taken.count()};
+  const double megabytes = static_cast<double>(panel.frame_bytes()) / 1e6;
+  figures.needed_mb_s = megabytes * figures.needed_fps;
+  figures.seen_mb_s = megabytes * figures.seen_fps;
+  figures.too_slow = figures.seen_fps < figures.needed_fps;
+  return figures;
+}
+
+ordered_json examine(const PlaylistItem& item, const Playlist& list, const PlayPlan& plan) {
   ordered_json row = row_of(item.source.text, {});
   // A ring's renderer determines its own pace.
   if (item.source.kind == SourceKind::Ring) return row;
@@ -63,6 +84,11 @@ ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
                                             size.width, size.height, plan.context.panel.width,
                                             plan.context.panel.height));
     const frames::Rate rate = needed_rate(item, *opened.source, plan);
+    if (list.transition_to(item) != TransitionKind::Cut) {
+      const bool is_still = opened.source->frame_count() == uint64_t{1};
+      row["transition"] = to_json(
+          measure_transition(plan.context.panel, is_still ? refresh_of(plan.display.spec) : rate));
+    }
     try {
       row["figures"] = to_json(SourcePace::measure(*opened.source, rate, kLongest));
       if (const auto sound = find_sound(item, plan.sound->options()))
@@ -84,18 +110,21 @@ ordered_json examine(const PlaylistItem& item, const PlayPlan& plan) {
 }
 
 void print_row(const ordered_json& row) {
-  const auto& figures = row["figures"];
   const auto source = row["source"].get<std::string>();
   for (const auto& problem : row["problems"]) {
     const auto text = problem.get<std::string>();
     print_out("{}\n", text.starts_with(source) ? text : source + ": " + text);
   }
-  if (!figures.is_null())
+  const auto print_figures = [](const std::string& name, const ordered_json& figures) {
     print_out(
         "{}: {}: needs {:.1f} frames/s ({:.0f} MB/s), measured {:.1f} frames/s ({:.0f} MB/s)\n",
-        source, figures["too_slow"].get<bool>() ? "TOO SLOW" : "keeps up",
+        name, figures["too_slow"].get<bool>() ? "TOO SLOW" : "keeps up",
         figures["needed_frames_per_s"].get<double>(), figures["needed_mb_per_s"].get<double>(),
         figures["seen_frames_per_s"].get<double>(), figures["seen_mb_per_s"].get<double>());
+  };
+  if (row.contains("transition")) print_figures(source + ": transition", row["transition"]);
+  if (!row["figures"].is_null())
+    print_figures(source, row["figures"]);
   else if (row.contains("live"))
     print_out("{}: {}\n", source, row["live"]["device"].get<std::string>());
   else if (row["problems"].empty())
@@ -121,13 +150,16 @@ ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan) {
   };
   for (const PlaylistItem& item : items) {
     if (interrupted()) return interrupt_exit_code();
-    add(examine(item, plan));
+    add(examine(item, list, plan));
   }
   for (const std::string& file : plan.folders->unfinished_files())
     add(row_of(file, "is empty or still being written, and is not played until it is complete"));
   if (rows.empty()) add(row_of(list.name, "no file to play"));
   const bool too_slow = std::any_of(rows.begin(), rows.end(), [](const ordered_json& row) {
-    return !row["figures"].is_null() && row["figures"]["too_slow"].get<bool>();
+    const auto is_slow = [&row](const char* key) {
+      return row.contains(key) && row[key].is_object() && row[key]["too_slow"].get<bool>();
+    };
+    return is_slow("figures") || is_slow("transition");
   });
   const bool bad = std::any_of(rows.begin(), rows.end(),
                                [](const ordered_json& row) { return !row["problems"].empty(); });

@@ -151,10 +151,13 @@ class PlayControls final : public ControlTarget {
     const std::lock_guard lock(mutex_);
     run_ = run;
   }
-  /// Returns the state of the player, whose list has this status.
-  [[nodiscard]] PlayState state_with(const PlaylistStatus& status) const {
-    const std::lock_guard lock(mutex_);
-    return locked_state_with(status);
+  /// Returns the state of the player, whose run and list have these.
+  [[nodiscard]] PlayState state_with(const PlayState& run, const PlayState& list) const {
+    if (!run.plays()) return run;
+    if (playback_.is_off()) return {"off", "until 'power on'"};
+    if (playback_.paused()) return {"paused", "until 'play'"};
+    const bool waits = list.plays() && playback_.displayed().frames == 0;
+    return waits ? PlayState{"starting", "no frame has come yet"} : list;
   }
 
  private:
@@ -212,20 +215,13 @@ class PlayControls final : public ControlTarget {
 
   using Answer = std::function<void(ControlAnswer)>;
 
-  [[nodiscard]] PlayState locked_state_with(const PlaylistStatus& status) const {
-    if (!run_.plays()) return run_;
-    if (playback_.is_off()) return {"off", "until 'power on'"};
-    if (playback_.paused()) return {"paused", "until 'play'"};
-    const bool waits = status.state.plays() && playback_.displayed().frames == 0;
-    return waits ? PlayState{"starting", "no frame has come yet"} : status.state;
-  }
   /// Returns the frame displayed at this moment and the item being read; around a change the two
   /// differ for a few frames.
   [[nodiscard]] nlohmann::ordered_json status() const {
     const DisplayedPlace displayed = playback_.displayed();
     const std::lock_guard lock(mutex_);
     const PlaylistStatus status = source_ != nullptr ? source_->status() : PlaylistStatus();
-    const PlayState state = locked_state_with(status);
+    const PlayState state = state_with(run_, status.state);
     ordered_json json = {{"state", state.word},
                          {"reason", state.reason},
                          {"speed", playback_.speed_permille() / 1000.0},
@@ -771,8 +767,8 @@ class SteeredPlay {
     if (ControlServer* const server = serving_.load()) server->publish(std::move(event));
   }
   [[nodiscard]] PlayState state() const {
-    const PlaylistStatus status = source_ != nullptr ? source_->status() : PlaylistStatus();
-    return controls_ ? controls_->state_with(status) : run_.plays() ? status.state : run_;
+    const PlayState list = source_ != nullptr ? source_->status().state : PlayState();
+    return controls_ ? controls_->state_with(run_, list) : run_.plays() ? list : run_;
   }
   void publish_state() {
     const PlayState now = state();

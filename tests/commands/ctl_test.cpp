@@ -319,6 +319,11 @@ TEST_F(Ctl, PreflightReportsIfTheSourceIsFastEnough) {
                 fps, "--slots", "2", "--json"});
   };
   EXPECT_EQ(results_of(preflight("0.01"))[0]["figures"]["too_slow"], false);
+  write("fade.toml", "transition = \"fade\"\n[[item]]\nsource = \"own/%03d.png\"\n");
+  const json rows = results_of(run({"play", path("fade.toml"), "--rig", path("rig.toml"),
+                                    "--preflight", "--fps", "0.01", "--json"}));
+  EXPECT_EQ(rows[0]["transition"]["too_slow"], false);
+  EXPECT_GT(rows[0]["transition"]["seen_frames_per_s"], 0.01);
   write("own/004.png", "no picture");
   EXPECT_EQ(preflight("0.01").exit_code, 4);
 }

@@ -10,10 +10,10 @@
 #include <ctime>
 #include <filesystem>
 #include <functional>
-#include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -48,6 +48,10 @@ class PlayList {
       } else if (key == "shuffle") {
         if (value != false)
           toml += "shuffle = " + (value == true ? truth(key, value) : number(key, value)) + "\n";
+      } else if (key == "transition") {
+        toml += "transition = " + quoted(key, value) + "\n";
+      } else if (key == "transition_seconds") {
+        toml += "transition_seconds = " + number(key, value) + "\n";
       } else if (key == "default") {
         if (!value.is_null()) standby = "\n[default]\n" + item_toml(value);
       } else if (key == "items") {
@@ -224,19 +228,22 @@ class PlayList {
 
   static std::string item_toml(const ordered_json& item) {
     if (!item.is_object() || !item.contains("source")) refuse("item: no source");
-    static const std::map<std::string, std::string (*)(const std::string&, const ordered_json&)>
-        kKeys = {{"source", quoted},      {"loops", loops},           {"duration_s", number},
-                 {"fps", quoted},         {"frames", quoted},         {"cut", quoted},
-                 {"wait_s", number},      {"weight", number},         {"fit", quoted},
-                 {"grid", quoted},        {"views", number},          {"aspect", number},
-                 {"invert", truth},       {"stereo", quoted},         {"depth", quoted},
-                 {"depth_range", quoted}, {"depth_distance", quoted}, {"invert_depth", truth},
-                 {"zero_plane", quoted},  {"depth_budget", number},   {"from_rig", quoted},
-                 {"reweave", truth},      {"sound", quoted},          {"volume", number}};
+    static const std::set<std::string> kTexts = {
+        "source", "fps",         "frames",         "cut",        "fit",      "grid",  "stereo",
+        "depth",  "depth_range", "depth_distance", "zero_plane", "from_rig", "sound", "transition"};
+    static const std::set<std::string> kNumbers = {
+        "duration_s", "wait_s",       "weight", "views",
+        "aspect",     "depth_budget", "volume", "transition_seconds"};
+    static const std::set<std::string> kTruths = {"invert", "invert_depth", "reweave"};
     std::string toml, schedule;
     for (const auto& [key, value] : item.items()) {
-      if (const auto found = kKeys.find(key); found != kKeys.end())
-        toml += key + " = " + found->second(key, value) + "\n";
+      const auto write = kTexts.contains(key)     ? quoted
+                         : kNumbers.contains(key) ? number
+                         : kTruths.contains(key)  ? truth
+                         : key == "loops"         ? loops
+                                                  : nullptr;
+      if (write != nullptr)
+        toml += key + " = " + write(key, value) + "\n";
       else if (key == "schedule")
         schedule = schedule_toml(value);
       else
@@ -295,16 +302,20 @@ class PlayList {
   }
   [[nodiscard]] nlohmann::ordered_json locked_read() {
     const ordered_json list = ask_list();
-    ordered_json result = {{"file", list.value("file", ordered_json())},
-                           {"version", ""},
-                           {"editable", false},
-                           {"by_hand", false},
-                           {"loop", list.value("loop", ordered_json(1))},
-                           {"shuffle", list.value("shuffle", ordered_json(false))},
-                           {"default", list.value("default", ordered_json())},
-                           {"items", list["items"]}};
+    ordered_json result = {
+        {"file", list.value("file", ordered_json())},
+        {"version", ""},
+        {"editable", false},
+        {"by_hand", false},
+        {"loop", list.value("loop", ordered_json(1))},
+        {"shuffle", list.value("shuffle", ordered_json(false))},
+        {"transition", list.value("transition", ordered_json("cut"))},
+        {"transition_seconds", list.value("transition_seconds", ordered_json(0.5))},
+        {"default", list.value("default", ordered_json())},
+        {"items", list["items"]}};
     result["version"] =
-        version_of({result["loop"], result["shuffle"], result["default"], result["items"]});
+        version_of({result["loop"], result["shuffle"], result["transition"],
+                    result["transition_seconds"], result["default"], result["items"]});
     // Without a list, the source that plays becomes the first item of own_file_.
     const std::filesystem::path file =
         result["file"].is_string() ? std::filesystem::path(result["file"].get<std::string>())

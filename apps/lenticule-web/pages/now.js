@@ -5,6 +5,7 @@ import { $, api, attempt, baseName, clock, count, follow, make, plain, refreshPi
 const PART = 4 * 1024 * 1024;  // an upload is sent in parts of this size
 const INSTEAD = { black: "a black frame", card: "a test card", views: "the chart of the page Trim",
   chart: "the chart of the page Calibrate", code: "the code of an address" };
+const TRANSITIONS = { cut: "cut", fade: "fade through black", cross: "cross-fade" };
 let state = {};
 let saved = null;   // the list as the player has it
 let items = null;   // the list as it is edited
@@ -62,6 +63,7 @@ function describe(item) {
   const parts = [];
   if (item.loops !== undefined) parts.push(item.loops === "forever" ? "forever" : item.loops === 1 ? "once" : `${item.loops} times`);
   if (item.duration_s !== undefined) parts.push(`${item.duration_s} s`);
+  if (item.transition) parts.push(`begins with a ${TRANSITIONS[item.transition]}`);
   if (item.schedule) parts.push(`${item.schedule.days.join(" ")} ${item.schedule.from} to ${item.schedule.to}`);
   return parts.join(", ");
 }
@@ -121,6 +123,7 @@ function showList() {
   const changed = items !== saved.items;
   $("save").disabled = !changed || !may || Boolean(changedBy);
   $("reset").disabled = !changed || !may;
+  $("transition").disabled = !may;
   $("reset").textContent = changedBy ? "Read again" : "Discard changes";
   $("list-note").textContent = !saved.editable ? "The player plays a folder, or a list outside of the media folder; it cannot be changed here."
     : changedBy ? `${changedBy} changed the list meanwhile. Read it again; your changes here are then lost.`
@@ -145,6 +148,7 @@ async function readList(force) {
   if (!saved || saved.version !== list.version) silent = [];
   saved = list;
   items = list.items;
+  $("transition").value = list.transition;
   changedBy = "";
   showList();
   const { versions } = await api("GET", "list/versions");
@@ -157,7 +161,8 @@ $("save").onclick = async () => {
   saving = true;
   tell("Saving; the player checks the list.");
   const done = await attempt(() => api("PUT", "list",
-    { version: saved.version, loop: saved.loop, shuffle: saved.shuffle, default: saved.default, items }).catch((error) => {
+    { version: saved.version, loop: saved.loop, shuffle: saved.shuffle, transition: $("transition").value,
+      transition_seconds: saved.transition_seconds, default: saved.default, items }).catch((error) => {
     if (error.status === 409 && saved.editable) changedBy = "Somebody";
     throw error;
   }));
@@ -170,6 +175,7 @@ $("save").onclick = async () => {
   showList();
 };
 $("reset").onclick = () => readList(true);
+$("transition").onchange = () => edit(() => {});
 $("restore").onclick = async () => {
   if (!$("versions").value) { tell("Choose a version first."); return; }
   if (await attempt(() => api("POST", "list/restore", { name: $("versions").value }))) readList(true);

@@ -59,6 +59,8 @@ TEST(WebListToml, UnknownKeysAndWrongTypesAreRefused) {
         R"({"items": [{"source": "a", "schedule": {"days": "mon"}}]})",
         R"({"items": [{"source": "a", "invert": "yes"}]})",
         R"({"shuffle": "yes", "items": [{"source": "a"}]})",
+        R"({"transition": 1, "items": [{"source": "a"}]})",
+        R"({"items": [{"source": "a", "transition_seconds": "1"}]})",
         R"({"items": [{"source": "a", "schedule": {"x": "y"}}]})"})
     EXPECT_THROW((void)PlayList::list_toml(ordered_json::parse(wrong)), HttpError) << wrong;
   ordered_json many = {{"items", ordered_json::array()}};

@@ -14,6 +14,7 @@ TEST(ListJson, HasTheKeysOfTheFile) {
   const Playlist list = parse_playlist(R"(
 loop = "forever"
 shuffle = 5
+transition = "fade"
 [default]
 source = "card"
 [[item]]
@@ -34,6 +35,8 @@ fit = "cover"
 sound = "clip.opus"
 volume = -6
 weight = 3
+transition = "cross"
+transition_seconds = 1.5
 [item.schedule]
 days = ["mon", "sun"]
 from = "08:30"
@@ -67,6 +70,11 @@ except = ["2026-12-24"]
   EXPECT_EQ(json["items"][2]["sound"], "/films/clip.opus");
   EXPECT_EQ(json["items"][2]["volume"], -6.0);
   EXPECT_EQ(json["shuffle"], 5);
+  EXPECT_EQ(json["transition"], "fade");
+  EXPECT_EQ(json["transition_seconds"], 0.5);
+  EXPECT_FALSE(json["items"][0].contains("transition")) << "it has that of the list";
+  EXPECT_EQ(json["items"][2]["transition"], "cross");
+  EXPECT_EQ(json["items"][2]["transition_seconds"], 1.5);
 }
 
 TEST(ListJson, ARelativeNameIsWholeForReadersInOtherFolders) {

@@ -156,6 +156,24 @@ loops = "forever"
   EXPECT_EQ(list.items[2].source.text, "ring:/run/ring.sock");
 }
 
+TEST(PlaylistFile, TheTransitionOfAnItemIsThatOfTheListUnlessItStatesOne) {
+  const Playlist list = parse(R"(transition = "cross"
+transition_seconds = 1
+[[item]]
+source = "/a.lts"
+[[item]]
+source = "/b.lts"
+transition = "cut"
+transition_seconds = 0.25
+)");
+  EXPECT_EQ(list.transition_to(list.items[0]), TransitionKind::Cross);
+  EXPECT_EQ(list.transition_s, 1.0);
+  EXPECT_EQ(list.transition_to(list.items[1]), TransitionKind::Cut);
+  EXPECT_EQ(list.items[1].transition_s, 0.25);
+  EXPECT_TRUE(list.has_transitions());
+  EXPECT_FALSE(parse("[[item]]\nsource = \"/a.lts\"\n").has_transitions());
+}
+
 TEST(PlaylistFile, AnItemStatesItsLayoutAsTheFlagsDo) {
   const Playlist list = parse(R"([[item]]
 source = "a.png"
@@ -265,6 +283,12 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
               testing::HasSubstr(":3: invert: neither true nor false"));
   EXPECT_THAT(complaint(item + "weight = 101\n"),
               testing::HasSubstr(":3: weight: not a whole number from 1 to 100"));
+  EXPECT_THAT(complaint(item + "transition = \"wipe\"\n"),
+              testing::HasSubstr(":3: transition 'wipe': unknown"));
+  EXPECT_THAT(complaint("transition_seconds = 11\n" + item),
+              testing::HasSubstr(":1: transition_seconds: more than 10"));
+  EXPECT_THAT(complaint(item + "transition_seconds = 0\n"),
+              testing::HasSubstr(":3: transition_seconds: not a number of seconds"));
   EXPECT_THAT(complaint(item + "aspect = inf\n"),
               testing::HasSubstr(":3: aspect: not a number above 0"));
   EXPECT_THAT(complaint("shuffle = \"yes\"\n" + item),
