@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "base/text.h"
-#include "player/playback/sound_clock.h"
+#include "player/playback/playback_options.h"
 
 namespace lenticule::player {
 namespace {
@@ -16,7 +16,6 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 struct VerbRow {
-  ControlVerb verb;
   const char* name;
   std::vector<std::string> fields;
   const char* needed = nullptr;  ///< field without which the verb is refused
@@ -24,31 +23,31 @@ struct VerbRow {
 
 const std::vector<VerbRow>& verbs() {
   static const std::vector<VerbRow> table = {
-      {ControlVerb::Status, "status", {}},
-      {ControlVerb::Load, "load", {"source", "item", "frame"}, "source"},
-      {ControlVerb::Interrupt, "interrupt", {"source", "item", "frame", "seconds"}},
-      {ControlVerb::Back, "back", {}},
-      {ControlVerb::Blank, "blank", {}},
-      {ControlVerb::Cue, "cue", {"source", "item", "frame", "then_back"}},
-      {ControlVerb::Go, "go", {}},
-      {ControlVerb::Play, "play", {}},
-      {ControlVerb::Pause, "pause", {}},
-      {ControlVerb::Seek, "seek", {"frame", "item"}},
-      {ControlVerb::Next, "next", {}},
-      {ControlVerb::Previous, "previous", {}},
-      {ControlVerb::Loop, "loop", {"count"}, "count"},
-      {ControlVerb::Speed, "speed", {"factor"}, "factor"},
-      {ControlVerb::Power, "power", {"to"}, "to"},
-      {ControlVerb::Volume, "volume", {"db"}, "db"},
-      {ControlVerb::Trim, "trim", {"offset", "pitch", "offset_by", "pitch_by"}},
-      {ControlVerb::Rig, "rig", {"toml"}, "toml"},
-      {ControlVerb::Snapshot, "snapshot", {"file", "eye", "panel"}, "file"},
-      {ControlVerb::Frame, "frame", {}},
-      {ControlVerb::List, "list", {"item"}},
-      {ControlVerb::Stats, "stats", {}},
-      {ControlVerb::Doctor, "doctor", {}},
-      {ControlVerb::Subscribe, "subscribe", {}},
-      {ControlVerb::Quit, "quit", {}},
+      {"status", {}},
+      {"load", {"source", "item", "frame"}, "source"},
+      {"interrupt", {"source", "item", "frame", "seconds"}},
+      {"back", {}},
+      {"blank", {}},
+      {"cue", {"source", "item", "frame", "then_back"}},
+      {"go", {}},
+      {"play", {}},
+      {"pause", {}},
+      {"seek", {"frame", "item"}},
+      {"next", {}},
+      {"previous", {}},
+      {"loop", {"count"}, "count"},
+      {"speed", {"factor"}, "factor"},
+      {"power", {"to"}, "to"},
+      {"volume", {"db"}, "db"},
+      {"trim", {"offset", "pitch", "offset_by", "pitch_by"}},
+      {"rig", {"toml"}, "toml"},
+      {"snapshot", {"file", "eye", "panel"}, "file"},
+      {"frame", {}},
+      {"list", {"item"}},
+      {"stats", {}},
+      {"doctor", {}},
+      {"subscribe", {}},
+      {"quit", {}},
   };
   return table;
 }
@@ -158,35 +157,20 @@ void take_field(const std::string& field, const json& value, ControlRequest& req
 void check_complete(const VerbRow& row, const ControlRequest& request, const json& line) {
   if (row.needed != nullptr && !line.contains(row.needed))
     refuse(fmt::format("{}: no {}", row.name, row.needed));
-  switch (request.verb) {
-    case ControlVerb::Interrupt:
-    case ControlVerb::Cue:
-      if (request.source.empty() == !request.item)
-        refuse(fmt::format("{}: expected either source or item", row.name));
-      return;
-    case ControlVerb::Snapshot:
-      if (request.file.front() != '/')
-        refuse("file: not an absolute path", "the player's working folder may differ from yours");
-      return;
-    case ControlVerb::Seek:
-      if (!request.frame && !request.item) refuse("seek: frame and item are missing");
-      return;
-    case ControlVerb::Trim:
-      if (!request.offset_lenses && !request.pitch_relative) refuse("trim: nothing to change");
-      if (request.relative && (line.contains("offset") || line.contains("pitch")))
-        refuse("trim: absolute and relative values cannot be combined");
-      return;
-    default:
-      return;
-  }
+  if ((request.verb == "interrupt" || request.verb == "cue") &&
+      request.source.empty() == !request.item)
+    refuse(fmt::format("{}: expected either source or item", row.name));
+  if (request.verb == "snapshot" && request.file.front() != '/')
+    refuse("file: not an absolute path", "the player's working folder may differ from yours");
+  if (request.verb == "seek" && !request.frame && !request.item)
+    refuse("seek: frame and item are missing");
+  if (request.verb == "trim" && !request.offset_lenses && !request.pitch_relative)
+    refuse("trim: nothing to change");
+  if (request.relative && (line.contains("offset") || line.contains("pitch")))
+    refuse("trim: absolute and relative values cannot be combined");
 }
 
 }  // namespace
-
-const char* verb_name(ControlVerb verb) {
-  const auto row = std::ranges::find(verbs(), verb, &VerbRow::verb);
-  return row != verbs().end() ? row->name : "?";
-}
 
 ControlRequest parse_control_request(std::string_view text, json& id) {
   id = nullptr;
@@ -201,7 +185,7 @@ ControlRequest parse_control_request(std::string_view text, json& id) {
   if (row == verbs().end())
     refuse(fmt::format("do: unknown verb '{}'", name.substr(0, kMaxIdBytes)));
 
-  ControlRequest request{.id = id, .verb = row->verb};
+  ControlRequest request{.id = id, .verb = row->name};
   for (const auto& [field, value] : line.items()) {
     if (field == "id" || field == "do") continue;
     if (std::find(row->fields.begin(), row->fields.end(), field) == row->fields.end())

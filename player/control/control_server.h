@@ -204,11 +204,10 @@ class ControlServer {
   }
 
   /// Returns true for verbs that open content, or write it, which may take as long as that takes.
-  static bool takes_content(ControlVerb verb) {
-    constexpr std::array kQuick = {ControlVerb::Status, ControlVerb::Play,  ControlVerb::Pause,
-                                   ControlVerb::Loop,   ControlVerb::Speed, ControlVerb::Power,
-                                   ControlVerb::Trim,   ControlVerb::Rig,   ControlVerb::Frame,
-                                   ControlVerb::List,   ControlVerb::Stats, ControlVerb::Doctor};
+  static bool takes_content(std::string_view verb) {
+    constexpr std::array<std::string_view, 12> kQuick = {"status", "play",  "pause", "loop",
+                                                         "speed",  "power", "trim",  "rig",
+                                                         "frame",  "list",  "stats", "doctor"};
     return std::ranges::find(kQuick, verb) == kQuick.end();
   }
 
@@ -236,7 +235,7 @@ class ControlServer {
     /// A request that is passed on and not answered yet.
     struct Asked {
       nlohmann::json id;
-      ControlVerb verb = ControlVerb::Status;
+      std::string_view verb{};
       Clock::time_point at{};
     };
     std::map<uint64_t, Asked> unanswered{};  ///< the key is the number of the request
@@ -430,7 +429,7 @@ class ControlServer {
     client.asked_at = Clock::now();
     try {
       const ControlRequest request = parse_control_request(line, id);
-      if (request.verb == ControlVerb::Subscribe) {
+      if (request.verb == "subscribe") {
         client.subscribed = true;
         return queue(client, answer_line(id, {{"subscribed", true}}));
       }
@@ -552,7 +551,7 @@ class ControlServer {
       if (now - at < limit) return false;
       queue(client,
             error_line(id, {ErrorKind::Failed,
-                            fmt::format("{}: not done after {:.0f} s", verb_name(verb),
+                            fmt::format("{}: not done after {:.0f} s", verb,
                                         std::chrono::duration<double>(limit).count()),
                             "it may still be done: 'status' says what the player is doing"}));
       return true;

@@ -64,74 +64,51 @@ class PlayControls final : public ControlTarget {
 
   void handle(const ControlRequest& request, ControlRights rights,
               std::function<void(ControlAnswer)> answer) override {
-    const Jump aside{.item = request.verb == ControlVerb::Next ? 1 : -1, .relative = true};
     const auto answer_later = [&](const std::function<ControlAnswer()>& work) {
       work_on(answer, [work](const Answer& done) { done(work()); });
     };
-    switch (request.verb) {
-      case ControlVerb::Status:
-        return answer(status());
-      case ControlVerb::Stats:
-        return answer(statistics());
-      case ControlVerb::Doctor:
-        return answer(doctor());
-      case ControlVerb::Play:
-      case ControlVerb::Pause:
-        return answer(pause(request.verb == ControlVerb::Pause));
-      case ControlVerb::Next:
-      case ControlVerb::Previous:
-        return jump(aside, answer);
-      case ControlVerb::Seek: {
-        Jump where{.frame = request.frame.value_or(0)};
-        if (request.item) where.item = static_cast<int64_t>(*request.item);
-        return jump(where, answer);
-      }
-      case ControlVerb::Load:
-        return load(request, answer);
-      case ControlVerb::Interrupt:
-        return interrupt(request, answer);
-      case ControlVerb::Blank:
-        return blank(answer);
-      case ControlVerb::Back:
-        return back(answer);
-      case ControlVerb::Cue:
-        return cue(request, answer);
-      case ControlVerb::Go:
-        return go(answer);
-      case ControlVerb::Speed:
-        return answer(set_speed(request.speed_permille));
-      case ControlVerb::Volume:
-        if (!plan_.sound) throw Error(ErrorKind::Failed, "volume: this player has no sound");
-        plan_.sound->set_volume(request.volume_db);
-        return answer(ordered_json{{"db", request.volume_db}});
-      case ControlVerb::Power:
-        return answer_later([this, request] { return switch_output(request.on); });
-      case ControlVerb::Loop:
-        return answer(set_loops(request.loops));
-      case ControlVerb::Trim:
-        return answer_later([this, request] { return change_trim(request); });
-      case ControlVerb::Rig:
-        return answer_later([this, request] { return replace_rig(request); });
-      case ControlVerb::Snapshot:
-        if (rights != ControlRights::Everything)
-          throw Error(
-              ErrorKind::Device,
-              "snapshot: not permitted, because the file would be written as the player's user",
-              "connect as the player's user, or as root");
-        frames::check_writable_format(request.file);
-        return answer_later([this, request] { return take_snapshot(request); });
-      case ControlVerb::Frame:
-        return answer_later([this] { return share_frame(); });
-      case ControlVerb::List:
-        return answer(list_json(*present_list(), request.item.value_or(0)));
-      case ControlVerb::Quit:
-        answer(ordered_json{{"quitting", true}});
-        (void)::kill(::getpid(), SIGTERM);  // as Ctrl-C, to which every wait of the player reacts
-        return;
-      case ControlVerb::Subscribe:
-        break;
+    const std::string_view verb = request.verb;
+    if (verb == "status") return answer(status());
+    if (verb == "stats") return answer(statistics());
+    if (verb == "doctor") return answer(doctor());
+    if (verb == "play" || verb == "pause") return answer(pause(verb == "pause"));
+    if (verb == "next" || verb == "previous")
+      return jump({.item = verb == "next" ? 1 : -1, .relative = true}, answer);
+    if (verb == "seek") {
+      Jump where{.frame = request.frame.value_or(0)};
+      if (request.item) where.item = static_cast<int64_t>(*request.item);
+      return jump(where, answer);
     }
-    throw Error(ErrorKind::Usage, "control: the player does not handle this request");
+    if (verb == "load") return load(request, answer);
+    if (verb == "interrupt") return interrupt(request, answer);
+    if (verb == "blank") return blank(answer);
+    if (verb == "back") return back(answer);
+    if (verb == "cue") return cue(request, answer);
+    if (verb == "go") return go(answer);
+    if (verb == "speed") return answer(set_speed(request.speed_permille));
+    if (verb == "volume") {
+      if (!plan_.sound) throw Error(ErrorKind::Failed, "volume: this player has no sound");
+      plan_.sound->set_volume(request.volume_db);
+      return answer(ordered_json{{"db", request.volume_db}});
+    }
+    if (verb == "power") return answer_later([this, request] { return switch_output(request.on); });
+    if (verb == "loop") return answer(set_loops(request.loops));
+    if (verb == "trim") return answer_later([this, request] { return change_trim(request); });
+    if (verb == "rig") return answer_later([this, request] { return replace_rig(request); });
+    if (verb == "snapshot") {
+      if (rights != ControlRights::Everything)
+        throw Error(
+            ErrorKind::Device,
+            "snapshot: not permitted, because the file would be written as the player's user",
+            "connect as the player's user, or as root");
+      frames::check_writable_format(request.file);
+      return answer_later([this, request] { return take_snapshot(request); });
+    }
+    if (verb == "frame") return answer_later([this] { return share_frame(); });
+    if (verb == "list") return answer(list_json(*present_list(), request.item.value_or(0)));
+    LENTICULE_CHECK(verb == "quit");  // the server itself handles 'subscribe'
+    answer(ordered_json{{"quitting", true}});
+    (void)::kill(::getpid(), SIGTERM);  // as Ctrl-C, to which every wait of the player reacts
   }
 
   /// Returns the object by which the playback is controlled.

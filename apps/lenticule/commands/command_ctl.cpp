@@ -21,7 +21,6 @@
 #include "base/exit_code.h"
 #include "base/numbers.h"
 #include "base/print.h"
-#include "player/control/control_client.h"
 #include "player/control/control_protocol.h"
 #include "player/process/interrupt.h"
 #include "player/sources/source_spec.h"
@@ -128,25 +127,11 @@ ExitCode show_address(const std::string& socket, const std::string& address,
   return kOk;
 }
 
-using player::ControlVerb;
-
 struct CtlFlags {
   std::string socket;
   bool json = false;
   double wait_s = 60.0;
-  std::string source;
-  std::optional<uint64_t> frame;
-  std::optional<uint64_t> item;
-  std::string count;
-  std::optional<double> length_s;
-  bool then_back = false;
-  std::optional<double> factor;
-  std::optional<double> volume_db;
-  std::string power;
-  std::optional<double> offset, pitch, offset_by, pitch_by;
-  std::string file;
-  std::string panel;
-  std::optional<Vec3> eye;
+  ordered_json request = ordered_json::object();  ///< the fields that options of the verb state
   std::optional<uint64_t> events;
   std::string address;
   double seconds = 60.0;
@@ -161,39 +146,6 @@ std::string socket_of(const CtlFlags& flags) {
   const char* const from_environment = std::getenv("LENTICULE_CONTROL");
   if (from_environment != nullptr && *from_environment != '\0') return from_environment;
   return player::only_control_socket();
-}
-
-template <typename Value>
-void put(ordered_json& request, const char* field, const std::optional<Value>& value) {
-  if (value) request[field] = *value;
-}
-
-ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
-  ordered_json request = {{"do", verb}};
-  if (!flags.source.empty()) {
-    // The player may have another working folder.
-    const player::SourceSpec source = player::parse_source(flags.source);
-    request["source"] = source.kind == player::SourceKind::Code
-                            ? flags.source
-                            : source.in_folder(std::filesystem::current_path()).text;
-  }
-  put(request, "frame", flags.frame);
-  put(request, "item", flags.item);
-  put(request, "seconds", flags.length_s);
-  if (flags.then_back) request["then_back"] = true;
-  put(request, "factor", flags.factor);
-  put(request, "db", flags.volume_db);
-  if (!flags.power.empty()) request["to"] = flags.power;
-  put(request, "offset", flags.offset);
-  put(request, "pitch", flags.pitch);
-  put(request, "offset_by", flags.offset_by);
-  put(request, "pitch_by", flags.pitch_by);
-  if (flags.count == "forever") request["count"] = flags.count;
-  if (const auto count = number_from<uint64_t>(flags.count)) request["count"] = *count;
-  if (!flags.file.empty()) request["file"] = std::filesystem::absolute(flags.file).string();
-  if (!flags.panel.empty()) request["panel"] = flags.panel;
-  if (flags.eye) request["eye"] = {flags.eye->x, flags.eye->y, flags.eye->z};
-  return request;
 }
 
 /// Prints "reading.source: a/%05d.png", one value per line.
@@ -235,101 +187,129 @@ ExitCode stream_events(player::ControlClient& client, const CtlFlags& flags) {
 ExitCode run_ctl(const std::string& verb, const CtlFlags& flags) {
   const auto wait = milliseconds_of(flags.wait_s);
   player::ControlClient client(socket_of(flags), wait);
-  const ordered_json answer = ask(client, request_of(verb, flags), wait, player::interrupt_fd());
+  ordered_json request = {{"do", verb}};
+  request.update(flags.request);
+  const ordered_json answer = ask(client, request, wait, player::interrupt_fd());
   if (answer.is_null()) return player::interrupt_exit_code();
-  if (verb == verb_name(ControlVerb::Subscribe)) return stream_events(client, flags);
+  if (verb == "subscribe") return stream_events(client, flags);
   print_answer(answer, flags.json);
   return kOk;
 }
 
-void declare_place(CLI::App& app, CtlFlags& flags) {
-  app.add_option("--item", flags.item, "item of the list, counted from 0");
-  app.add_option("--frame", flags.frame, "frame of the item, counted from 0");
+/// Declares an option that states a field of the request.
+template <class Value>
+CLI::Option* add_field(CLI::App& app, ordered_json& request, const char* option, const char* field,
+                       const char* help) {
+  const auto put = [&request, field](const Value& value) { request[field] = value; };
+  return app.add_option_function<Value>(option, put, help);
 }
 
-void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFlags& flags) {
-  for (const auto& [app, verb] : verbs) {
-    if (verb == ControlVerb::Load) {
-      app->add_option("SOURCE", flags.source, "what 'lenticule play' takes, or a list: LIST.toml")
-          ->required();
-      declare_place(*app, flags);
-    } else if (verb == ControlVerb::Interrupt || verb == ControlVerb::Cue) {
-      app->add_option("SOURCE", flags.source, "what 'lenticule play' takes; or --item");
-      declare_place(*app, flags);
-      if (verb == ControlVerb::Interrupt)
-        app->add_option("--seconds", flags.length_s, "how much of the content")
-            ->type_name("SECONDS")
-            ->default_str("once");
-      else
-        app->add_flag("--then-back", flags.then_back, "play it once, as 'interrupt' does");
-    } else if (verb == ControlVerb::Speed) {
-      app->add_option("FACTOR", flags.factor, "0.1 to 8; 1 is the content's own rate")->required();
-    } else if (verb == ControlVerb::Volume) {
-      app->add_option("DB", flags.volume_db,
+void declare_fields(CLI::App& app, std::string_view verb, CtlFlags& flags) {
+  ordered_json& request = flags.request;
+  const bool loads = verb == "load", opens = loads || verb == "interrupt" || verb == "cue";
+  if (opens) {
+    const auto put = [&request](const std::string& text) {
+      // The player may have another working folder.
+      const player::SourceSpec source = player::parse_source(text);
+      request["source"] = source.kind == player::SourceKind::Code
+                              ? text
+                              : source.in_folder(std::filesystem::current_path()).text;
+    };
+    app.add_option_function<std::string>("SOURCE", put,
+                                         loads ? "what 'lenticule play' takes, or a list: LIST.toml"
+                                               : "what 'lenticule play' takes; or --item")
+        ->required(loads);
+  }
+  if (opens || verb == "seek") {
+    add_field<uint64_t>(app, request, "--item", "item", "item of the list, counted from 0");
+    add_field<uint64_t>(app, request, "--frame", "frame", "frame of the item, counted from 0");
+  }
+  if (verb == "interrupt") {
+    add_field<double>(app, request, "--seconds", "seconds", "how much of the content")
+        ->type_name("SECONDS")
+        ->default_str("once");
+  } else if (verb == "cue") {
+    app.add_flag_callback(
+        "--then-back", [&request] { request["then_back"] = true; },
+        "play it once, as 'interrupt' does");
+  } else if (verb == "speed") {
+    add_field<double>(app, request, "FACTOR", "factor", "0.1 to 8; 1 is the content's own rate")
+        ->required();
+  } else if (verb == "volume") {
+    add_field<double>(app, request, "DB", "db",
                       "decibels: 0 leaves the sound as it is, -80 is silence")
-          ->required();
-    } else if (verb == ControlVerb::Power) {
-      app->add_option("to", flags.power, "off: no signal; on: again, at the next frame")
-          ->required()
-          ->check(CLI::IsMember({"on", "off"}));
-    } else if (verb == ControlVerb::Seek) {
-      declare_place(*app, flags);
-    } else if (verb == ControlVerb::Loop) {
-      app->add_option("COUNT", flags.count, "a number of loops, or forever")
-          ->required()
-          ->type_name("N|forever");
-    } else if (verb == ControlVerb::Trim) {
-      app->add_option("--offset", flags.offset, "set the offset, in lenses");
-      app->add_option("--pitch", flags.pitch, "set the relative change of the pitch");
-      app->add_option("--offset-by", flags.offset_by,
+        ->required();
+  } else if (verb == "power") {
+    add_field<std::string>(app, request, "to", "to", "off: no signal; on: again, at the next frame")
+        ->required()
+        ->check(CLI::IsMember({"on", "off"}));
+  } else if (verb == "loop") {
+    const auto put = [&request](const std::string& text) {
+      if (text == "forever") request["count"] = text;
+      if (const auto count = number_from<uint64_t>(text)) request["count"] = *count;
+    };
+    app.add_option_function<std::string>("COUNT", put, "a number of loops, or forever")
+        ->required()
+        ->type_name("N|forever");
+  } else if (verb == "trim") {
+    add_field<double>(app, request, "--offset", "offset", "set the offset, in lenses");
+    add_field<double>(app, request, "--pitch", "pitch", "set the relative change of the pitch");
+    add_field<double>(app, request, "--offset-by", "offset_by",
                       "change the offset by so many lenses, such as 0.02");
-      app->add_option("--pitch-by", flags.pitch_by, "change the pitch by a fraction, such as 1e-5");
-    } else if (verb == ControlVerb::Snapshot) {
-      app->add_option("FILE", flags.file, "picture to write: .png, .tif, .exr or .ppm")->required();
-      add_triple(
-          *app, "--eye", "X,Y,Z", [&flags](Vec3 eye) { flags.eye = eye; },
-          "as an eye there sees it: mm right, up and away from the panel's centre");
-      app->add_option("--panel", flags.panel, "panel of a wall, by its name")->type_name("NAME");
-    } else if (verb == ControlVerb::List) {
-      app->add_option("--item", flags.item, "begin with this item, counted from 0");
-    } else if (verb == ControlVerb::Subscribe) {
-      app->add_option("--count", flags.events, "end after this many events");
-    }
+    add_field<double>(app, request, "--pitch-by", "pitch_by",
+                      "change the pitch by a fraction, such as 1e-5");
+  } else if (verb == "snapshot") {
+    const auto put = [&request](const std::string& file) {
+      request["file"] = std::filesystem::absolute(file).string();
+    };
+    app.add_option_function<std::string>("FILE", put, "picture to write: .png, .tif, .exr or .ppm")
+        ->required();
+    add_triple(
+        app, "--eye", "X,Y,Z",
+        [&request](Vec3 eye) {
+          request["eye"] = {eye.x, eye.y, eye.z};
+        },
+        "as an eye there sees it: mm right, up and away from the panel's centre");
+    add_field<std::string>(app, request, "--panel", "panel", "panel of a wall, by its name")
+        ->type_name("NAME");
+  } else if (verb == "list") {
+    add_field<uint64_t>(app, request, "--item", "item", "begin with this item, counted from 0");
+  } else if (verb == "subscribe") {
+    app.add_option("--count", flags.events, "end after this many events");
   }
 }
 
 struct VerbHelp {
-  ControlVerb verb;
+  const char* verb;
   const char* summary;
   const char* example_arguments = "";
 };
 
 const std::vector<VerbHelp>& verb_helps() {
   static const std::vector<VerbHelp> table = {
-      {ControlVerb::Status, "print what is displayed and what comes next"},
-      {ControlVerb::Load, "play something else as soon as it is ready", "/films/city.lts"},
-      {ControlVerb::Interrupt, "play something once, then continue where it was",
-       "/films/evacuate.lts"},
-      {ControlVerb::Back, "end an interruption or a blank panel now"},
-      {ControlVerb::Blank, "show black until 'back'"},
-      {ControlVerb::Cue, "open and decode an item for 'go'", "/films/city.lts --then-back"},
-      {ControlVerb::Go, "show the cued item at the second vblank from now"},
-      {ControlVerb::Play, "continue after a pause"},
-      {ControlVerb::Pause, "pause on the current frame"},
-      {ControlVerb::Seek, "go to a frame, or an item of the list", "--item 2 --frame 120"},
-      {ControlVerb::Next, "go to the next item"},
-      {ControlVerb::Previous, "go to the previous item"},
-      {ControlVerb::Loop, "set how often the item is played", "forever"},
-      {ControlVerb::Speed, "play at a multiple of the content's rate", "0.5"},
-      {ControlVerb::Power, "switch the output off or on", "off"},
-      {ControlVerb::Volume, "set the volume of the sound", "-- -20"},
-      {ControlVerb::Trim, "correct drift since the calibration", "--offset-by 0.02"},
-      {ControlVerb::Snapshot, "write the displayed frame to a picture", "shown.png"},
-      {ControlVerb::List, "print the items of the list that is played"},
-      {ControlVerb::Stats, "print the player's statistics"},
-      {ControlVerb::Doctor, "report whether subpixels reach the panel unchanged"},
-      {ControlVerb::Subscribe, "print events as they happen, one JSON object per line"},
-      {ControlVerb::Quit, "end the player cleanly"},
+      {"status", "print what is displayed and what comes next"},
+      {"load", "play something else as soon as it is ready", "/films/city.lts"},
+      {"interrupt", "play something once, then continue where it was", "/films/evacuate.lts"},
+      {"back", "end an interruption or a blank panel now"},
+      {"blank", "show black until 'back'"},
+      {"cue", "open and decode an item for 'go'", "/films/city.lts --then-back"},
+      {"go", "show the cued item at the second vblank from now"},
+      {"play", "continue after a pause"},
+      {"pause", "pause on the current frame"},
+      {"seek", "go to a frame, or an item of the list", "--item 2 --frame 120"},
+      {"next", "go to the next item"},
+      {"previous", "go to the previous item"},
+      {"loop", "set how often the item is played", "forever"},
+      {"speed", "play at a multiple of the content's rate", "0.5"},
+      {"power", "switch the output off or on", "off"},
+      {"volume", "set the volume of the sound", "-- -20"},
+      {"trim", "correct drift since the calibration", "--offset-by 0.02"},
+      {"snapshot", "write the displayed frame to a picture", "shown.png"},
+      {"list", "print the items of the list that is played"},
+      {"stats", "print the player's statistics"},
+      {"doctor", "report whether subpixels reach the panel unchanged"},
+      {"subscribe", "print events as they happen, one JSON object per line"},
+      {"quit", "end the player cleanly"},
   };
   return table;
 }
@@ -347,14 +327,12 @@ Run declare_ctl(CLI::App& app) {
       ->check(CLI::Range(0.01, 86400.0))
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print the answer as JSON");
-  std::vector<std::pair<CLI::App*, ControlVerb>> verbs;
   for (const auto& [verb, summary, arguments] : verb_helps()) {
-    CLI::App* const sub = app.add_subcommand(verb_name(verb), summary);
-    sub->footer(fmt::format("Example:\n  lenticule ctl {} {}", verb_name(verb), arguments));
+    CLI::App* const sub = app.add_subcommand(verb, summary);
+    sub->footer(fmt::format("Example:\n  lenticule ctl {} {}", verb, arguments));
     sub->fallthrough();  // flags of ctl may follow the verb
-    verbs.emplace_back(sub, verb);
+    declare_fields(*sub, verb, *flags);
   }
-  declare_values(verbs, *flags);
   CLI::App* const address =
       app.add_subcommand("show-address", "show the QR code of an address on the panel for a while");
   address->footer("Example:\n  lenticule ctl show-address http://192.168.1.20:8420/?t=...");
@@ -365,14 +343,12 @@ Run declare_ctl(CLI::App& app) {
       ->type_name("SECONDS")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
-  return [flags, verbs, address]() -> ExitCode {
+  return [flags, &app, address]() -> ExitCode {
     if (address->parsed())
       return show_address(socket_of(*flags),
                           flags->address.empty() ? address_from_input() : flags->address,
                           milliseconds_of(flags->seconds), milliseconds_of(flags->wait_s));
-    for (const auto& [sub, verb] : verbs)
-      if (sub->parsed()) return run_ctl(verb_name(verb), *flags);
-    throw Error(ErrorKind::Usage, "ctl: a verb is missing", "see lenticule ctl --help");
+    return run_ctl(app.get_subcommands().front()->get_name(), *flags);  // one is required
   };
 }
 

@@ -12,7 +12,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   try {
     const ControlRequest request =
         parse_control_request({reinterpret_cast<const char*>(data), size}, id);
-    LENTICULE_CHECK(*verb_name(request.verb) != '?');
+    LENTICULE_CHECK(!request.verb.empty());
     LENTICULE_CHECK(std::isfinite(request.offset_lenses.value_or(0.0)));
     LENTICULE_CHECK(request.speed_permille >= 100 && request.speed_permille <= 8000);
     LENTICULE_CHECK(request.seconds.value_or(1.0) > 0.0);

@@ -29,7 +29,7 @@ std::string complaint(const std::string& line, json* id = nullptr) {
 }
 
 TEST(ControlProtocol, EveryVerbHasItsFields) {
-  EXPECT_EQ(parse(R"({"id":7,"do":"status"})").verb, ControlVerb::Status);
+  EXPECT_EQ(parse(R"({"id":7,"do":"status"})").verb, "status");
   EXPECT_EQ(parse(R"({"id":7,"do":"status"})").id, 7);
   const ControlRequest load = parse(R"({"do":"load","source":"/a.toml","item":2,"frame":5})");
   EXPECT_EQ(load.source, "/a.toml");
@@ -56,7 +56,7 @@ TEST(ControlProtocol, EveryVerbHasItsFields) {
   EXPECT_TRUE(parse(R"({"do":"power","to":"on"})").on);
   for (const char* name : {"back", "blank", "go", "play", "pause", "next", "previous", "stats",
                            "doctor", "subscribe", "quit"})
-    EXPECT_STREQ(verb_name(parse(std::string(R"({"do":")") + name + "\"}").verb), name);
+    EXPECT_EQ(parse(std::string(R"({"do":")") + name + "\"}").verb, name);
 }
 
 TEST(ControlProtocol, UnknownVerbsAndFieldsAreRefusedByName) {

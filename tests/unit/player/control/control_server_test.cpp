@@ -14,7 +14,7 @@
 #include <thread>
 
 #include "base/unix_address.h"
-#include "player/control/control_client.h"
+#include "player/control/control_protocol.h"
 #include "tests/support/comes_true.h"
 #include "tests/support/scratch_folder.h"
 
@@ -33,19 +33,19 @@ class FakePlayer final : public ControlTarget {
   void handle(const ControlRequest& request, ControlRights rights,
               std::function<void(ControlAnswer)> answer) override {
     const std::lock_guard lock(mutex_);
-    verbs_.emplace_back(verb_name(request.verb));
+    verbs_.emplace_back(request.verb);
     rights_ = rights;
-    if (request.verb == ControlVerb::Seek)
+    if (request.verb == "seek")
       throw Error(ErrorKind::Failed, "seek: this player cannot", "let it be");
-    if (request.verb == ControlVerb::Back)
+    if (request.verb == "back")
       answer(ConflictAnswer{{ErrorKind::Failed, "back: nothing is interrupted"}});
-    else if (request.verb == ControlVerb::Frame)
+    else if (request.verb == "frame")
       answer(DescriptorAnswer{.body = {{"verb", "frame"}}, .descriptor = descriptor_});
-    else if (request.verb == ControlVerb::Load)
+    else if (request.verb == "load")
       later_.push_back(std::move(answer));
     else
-      answer(ordered_json{{"verb", verb_name(request.verb)}, {"filler", filler_}});
-    if (request.verb != ControlVerb::Quit) return;
+      answer(ordered_json{{"verb", request.verb}, {"filler", filler_}});
+    if (request.verb != "quit") return;
     quits_.store(true);
     // The server's end begins before its thread looks for the answer.
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
