@@ -233,6 +233,13 @@ double agree_on_rate(V4l2Device& device, double wanted) {
 
 }  // namespace
 
+std::vector<std::string> FormatOffer::size_names() const {
+  std::vector<std::string> names;
+  for (const FrameSize& size : sizes)
+    names.push_back(fmt::format("{}x{}", size.width, size.height));
+  return names;
+}
+
 std::vector<FormatOffer> offered_formats(V4l2Device& device) {
   std::vector<FormatOffer> offers;
   for (uint32_t i = 0; i < kMostFormats; ++i) {
@@ -308,19 +315,6 @@ std::unique_ptr<V4l2Device> open_node(V4l2System& system, const std::string& pat
   return std::move(opened.device);
 }
 
-std::vector<CameraFormat> formats_of(V4l2Device& device) {
-  std::vector<CameraFormat> formats;
-  for (const FormatOffer& offer : offered_formats(device)) {
-    CameraFormat format{.pixel_format = fourcc_name(offer.fourcc),
-                        .usable = layout_of(offer.fourcc) != nullptr,
-                        .sizes = {}};
-    for (const FrameSize& size : offer.sizes)
-      format.sizes.push_back(fmt::format("{}x{}", size.width, size.height));
-    formats.push_back(std::move(format));
-  }
-  return formats;
-}
-
 /// Returns false for nodes that are not cameras.
 bool describe(V4l2System& system, CameraListing& listing) try {
   NodeFacts facts;
@@ -328,7 +322,7 @@ bool describe(V4l2System& system, CameraListing& listing) try {
   if (!facts.captures) return false;
   listing.name = facts.name;
   listing.bus = facts.bus;
-  listing.formats = formats_of(*device);
+  listing.formats = offered_formats(*device);
   return true;
 } catch (const Error& failure) {
   listing.problem = fmt::format("{}; {}", failure.what(), failure.hint());

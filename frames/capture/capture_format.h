@@ -39,6 +39,12 @@ struct AgreedFormat {
 struct FormatOffer {
   uint32_t fourcc = 0;
   std::vector<FrameSize> sizes;
+
+  [[nodiscard]] std::string pixel_format() const { return fourcc_name(fourcc); }
+  /// Returns true if the pixels can be unpacked.
+  [[nodiscard]] bool usable() const { return layout_of(fourcc) != nullptr; }
+  /// Returns "1920x1080", ...
+  [[nodiscard]] std::vector<std::string> size_names() const;
 };
 
 /// Returns the camera's formats, including formats that cannot be unpacked. Never throws for the
@@ -71,18 +77,12 @@ struct NodeFacts {
 [[nodiscard]] std::unique_ptr<V4l2Device> open_camera(V4l2System& system, const std::string& path,
                                                       NodeFacts& facts);
 
-struct CameraFormat {
-  std::string pixel_format;
-  bool usable = false;
-  std::vector<std::string> sizes;  ///< "1920x1080"
-};
-
 struct CameraListing {
   std::string path;         ///< "/dev/video0"
   std::string stable_path;  ///< "/dev/v4l/by-id/...", empty if there is none
   std::string name{};
   std::string bus{};
-  std::vector<CameraFormat> formats{};
+  std::vector<FormatOffer> formats{};
   std::string problem{};  ///< reason why the node could not be queried; empty if it could
 };
 

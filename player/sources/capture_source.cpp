@@ -450,9 +450,10 @@ nlohmann::ordered_json capture_offers(const std::string& text, V4l2System& syste
       return name == camera.path || name == camera.stable_path;
     };
     if (std::ranges::none_of(spec.devices, named)) continue;
-    for (const CameraFormat& format : camera.formats)
-      rows.push_back(
-          {{"device", camera.path}, {"format", format.pixel_format}, {"sizes", format.sizes}});
+    for (const FormatOffer& format : camera.formats)
+      rows.push_back({{"device", camera.path},
+                      {"format", format.pixel_format()},
+                      {"sizes", format.size_names()}});
   }
   return rows;
 }

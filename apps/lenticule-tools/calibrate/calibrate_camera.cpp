@@ -62,10 +62,10 @@ ExitCode list_all(bool as_json) {
   json all = json::array();
   for (const calib::CameraListing& camera : calib::list_cameras()) {
     json formats = json::array();
-    for (const calib::CameraFormat& format : camera.formats)
-      formats.push_back({{"pixel_format", format.pixel_format},
-                         {"usable", format.usable},
-                         {"sizes", format.sizes}});
+    for (const calib::FormatOffer& format : camera.formats)
+      formats.push_back({{"pixel_format", format.pixel_format()},
+                         {"usable", format.usable()},
+                         {"sizes", format.size_names()}});
     all.push_back({{"path", camera.path},
                    {"stable_path", camera.stable_path},
                    {"name", camera.name},

@@ -229,8 +229,8 @@ int watch(const calib::V4l2Options& options, int count) {
 int list() {
   for (const calib::CameraListing& camera : calib::list_cameras()) {
     std::printf("%s %s%s\n", camera.path.c_str(), camera.name.c_str(), camera.problem.c_str());
-    for (const calib::CameraFormat& format : camera.formats)
-      if (format.usable) std::printf("  %s\n", format.pixel_format.c_str());
+    for (const calib::FormatOffer& format : camera.formats)
+      if (format.usable()) std::printf("  %s\n", format.pixel_format().c_str());
   }
   return 0;
 }

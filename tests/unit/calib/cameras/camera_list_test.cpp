@@ -41,13 +41,13 @@ TEST_F(Listing, SkipsNodesThatAreNotCameras) {
 }
 
 TEST_F(Listing, NamesFormatsAndSizes) {
-  const std::vector<CameraFormat> formats = list_cameras(system_).at(0).formats;
+  const std::vector<FormatOffer> formats = list_cameras(system_).at(0).formats;
   ASSERT_EQ(formats.size(), 2U);
-  EXPECT_EQ(formats[0].pixel_format, "YUYV");
-  EXPECT_TRUE(formats[0].usable);
-  EXPECT_THAT(formats[0].sizes, ElementsAre("640x480", "1280x720"));
-  EXPECT_EQ(formats[1].pixel_format, "H264");
-  EXPECT_FALSE(formats[1].usable);
+  EXPECT_EQ(formats[0].pixel_format(), "YUYV");
+  EXPECT_TRUE(formats[0].usable());
+  EXPECT_THAT(formats[0].size_names(), ElementsAre("640x480", "1280x720"));
+  EXPECT_EQ(formats[1].pixel_format(), "H264");
+  EXPECT_FALSE(formats[1].usable());
 }
 
 TEST_F(Listing, ReportsWhyACameraCannotBeQueried) {
