@@ -109,14 +109,18 @@ class SourcePace {
     if (pulled == 0)
       throw Error(ErrorKind::Input, "the source contains no frame, or none arrived in time");
     const double seconds = std::chrono::duration<double>(SteadyClock::now() - *begin).count();
-    PaceFigures figures{.needed_fps = needed.hertz()};
     // A source that fits the pool is decoded only once and never has to wait.
     const bool resident = frames == 0;
-    figures.seen_fps = resident ? figures.needed_fps : static_cast<double>(frames) / seconds;
-    figures.needed_mb_s = megabytes(source.geometry(), figures.needed_fps);
-    figures.seen_mb_s = megabytes(source.geometry(), figures.seen_fps);
-    figures.too_slow = figures.seen_fps < figures.needed_fps;
-    return figures;
+    return compare(needed, resident ? needed.hertz() : static_cast<double>(frames) / seconds,
+                   source.geometry());
+  }
+  [[nodiscard]] static PaceFigures compare(frames::Rate needed, double seen_fps,
+                                           frames::FrameGeometry geometry) {
+    return {.needed_fps = needed.hertz(),
+            .seen_fps = seen_fps,
+            .needed_mb_s = megabytes(geometry, needed.hertz()),
+            .seen_mb_s = megabytes(geometry, seen_fps),
+            .too_slow = seen_fps < needed.hertz()};
   }
 
  private:

@@ -59,13 +59,7 @@ PaceFigures measure_transition(const frames::FrameGeometry& panel, frames::Rate 
     (void)transition.blend(frame.view(), k, Transition::kMostAcquired, next);
   }
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
-  PaceFigures figures{.needed_fps = needed.hertz(),
-                      .seen_fps = Transition::kMostAcquired / taken.count()};
-  const double megabytes = static_cast<double>(panel.frame_bytes()) / 1e6;
-  figures.needed_mb_s = megabytes * figures.needed_fps;
-  figures.seen_mb_s = megabytes * figures.seen_fps;
-  figures.too_slow = figures.seen_fps < figures.needed_fps;
-  return figures;
+  return SourcePace::compare(needed, Transition::kMostAcquired / taken.count(), panel);
 }
 
 ordered_json examine(const PlaylistItem& item, const Playlist& list, const PlayPlan& plan) {

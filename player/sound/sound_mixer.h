@@ -23,7 +23,7 @@
 #include "frames/rational.h"
 #include "frames/sound/sound_ring.h"
 #include "player/playback/play_statistics.h"
-#include "player/playback/sound_clock.h"
+#include "player/playback/playback_options.h"
 #include "player/sound/sound_device.h"
 
 namespace lenticule::player {

@@ -21,7 +21,6 @@
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
-#include "player/sources/known_files.h"
 #include "player/sources/video_probe.h"
 #include "player/sources/video_source.h"
 

@@ -18,7 +18,6 @@
 #include "frames/ring/ring_layout.h"
 #include "optics/json_fields.h"
 #include "player/process/child_process.h"
-#include "player/sources/known_files.h"
 
 namespace lenticule::player {
 namespace {

@@ -4,10 +4,13 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <filesystem>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "frames/frame.h"
@@ -15,6 +18,27 @@
 #include "frames/rational.h"
 
 namespace lenticule::player {
+
+/// `Key` contains the marks of the files. Thread safety: any thread.
+template <class Key, class Found>
+class KnownFiles {
+ public:
+  [[nodiscard]] std::optional<Found> find(const Key& key) const {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [known, found] : known_)
+      if (known == key) return found;
+    return std::nullopt;
+  }
+  void add(const Key& key, const Found& found) {
+    const std::lock_guard lock(mutex_);
+    known_.emplace_front(key, found);
+    if (known_.size() > 1000) known_.pop_back();  // as many as a list may have items
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::deque<std::pair<Key, Found>> known_;  ///< newest first
+};
 
 /// Layout of two eyes in a stream's frames, from the stream's tag.
 struct VideoStereo {

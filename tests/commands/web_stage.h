@@ -15,7 +15,7 @@
 
 #include "apps/lenticule-web/api/routes.h"
 #include "apps/lenticule-web/http/access.h"
-#include "apps/lenticule-web/http/listener.h"
+#include "apps/lenticule-web/http/server.h"
 #include "base/error.h"
 #include "tests/commands/player_stage.h"
 #include "tests/unit/web/http_client.h"

@@ -43,15 +43,12 @@ class PlayList {
     std::string toml = std::string(kHead) + "format = 1\n";
     std::string standby, items;
     for (const auto& [key, value] : list.items()) {
-      if (key == "loop") {
-        toml += "loop = " + loops(key, value) + "\n";
+      if (key == "loop" || key == "transition" || key == "transition_seconds") {
+        const auto write = key == "loop" ? loops : key == "transition" ? quoted : number;
+        toml += key + " = " + write(key, value) + "\n";
       } else if (key == "shuffle") {
         if (value != false)
           toml += "shuffle = " + (value == true ? truth(key, value) : number(key, value)) + "\n";
-      } else if (key == "transition") {
-        toml += "transition = " + quoted(key, value) + "\n";
-      } else if (key == "transition_seconds") {
-        toml += "transition_seconds = " + number(key, value) + "\n";
       } else if (key == "default") {
         if (!value.is_null()) standby = "\n[default]\n" + item_toml(value);
       } else if (key == "items") {

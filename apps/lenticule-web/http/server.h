@@ -5,35 +5,460 @@
 // Each connection has a thread, so that a slow client delays only itself.
 #pragma once
 
+#include <arpa/inet.h>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <ifaddrs.h>
 #include <microhttpd.h>
+#include <net/if.h>
 #include <netinet/in.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
 
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <chrono>
+#include <condition_variable>
+#include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
+#include <filesystem>
+#include <functional>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <set>
 #include <string>
+#include <thread>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
 #include "apps/lenticule-web/http/access.h"
 #include "apps/lenticule-web/http/clock.h"
-#include "apps/lenticule-web/http/limits.h"
-#include "apps/lenticule-web/http/listener.h"
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/http/parse.h"
 #include "base/error.h"
 #include "base/numbers.h"
 #include "base/print.h"
 #include "base/text.h"
+#include "base/unique_fd.h"
+#include "base/unix_address.h"
 
 namespace lenticule::web {
+
+struct Listener {
+  UniqueFd fd;
+  std::string name;       ///< "127.0.0.1:8420" or the path of the socket
+  bool is_unix = false;   ///< requests come from a reverse proxy of this machine
+  bool is_local = false;  ///< only this machine can connect
+};
+
+/// Address to listen on. Names are not looked up.
+struct ListenAddress {
+  std::string host;  ///< numeric, without brackets
+  uint16_t port = 0;
+};
+
+inline constexpr int kBacklog = 256;
+inline constexpr int kFirstPassed = 3;  // SD_LISTEN_FDS_START
+
+/// SocketAddress is a numeric address of one of the two families, or of a Unix socket.
+struct SocketAddress {
+  sockaddr_storage storage{};
+  socklen_t bytes = 0;
+
+  [[nodiscard]] int family() const { return storage.ss_family; }
+  [[nodiscard]] sockaddr* get() { return reinterpret_cast<sockaddr*>(&storage); }
+  [[nodiscard]] const sockaddr* get() const { return reinterpret_cast<const sockaddr*>(&storage); }
+  [[nodiscard]] const sockaddr_in& v4() const {
+    return *reinterpret_cast<const sockaddr_in*>(get());
+  }
+  [[nodiscard]] const sockaddr_in6& v6() const {
+    return *reinterpret_cast<const sockaddr_in6*>(get());
+  }
+};
+
+[[noreturn]] inline void fail(ErrorKind kind, const std::string& name, const std::string& cause,
+                              const std::string& remedy = {}) {
+  throw Error(kind, name + ": " + cause, remedy);
+}
+
+inline SocketAddress numeric_address(const ListenAddress& address) {
+  SocketAddress made;
+  if (auto* const v4 = reinterpret_cast<sockaddr_in*>(&made.storage);
+      ::inet_pton(AF_INET, address.host.c_str(), &v4->sin_addr) == 1) {
+    v4->sin_family = AF_INET;
+    v4->sin_port = htons(address.port);
+    made.bytes = sizeof *v4;
+    return made;
+  }
+  if (auto* const v6 = reinterpret_cast<sockaddr_in6*>(&made.storage);
+      ::inet_pton(AF_INET6, address.host.c_str(), &v6->sin6_addr) == 1) {
+    v6->sin6_family = AF_INET6;
+    v6->sin6_port = htons(address.port);
+    made.bytes = sizeof *v6;
+    return made;
+  }
+  fail(ErrorKind::Usage, "--listen", fmt::format("'{}' is not an address", address.host),
+       "use a numeric address and a port: 127.0.0.1:8420 or [::1]:8420");
+}
+
+inline bool is_loopback(const SocketAddress& address) {
+  if (address.family() == AF_INET) return (ntohl(address.v4().sin_addr.s_addr) >> 24) == 127;
+  if (address.family() == AF_INET6) return IN6_IS_ADDR_LOOPBACK(&address.v6().sin6_addr) != 0;
+  return address.family() == AF_UNIX;
+}
+
+inline SocketAddress bound_address(int fd) {
+  SocketAddress address;
+  address.bytes = sizeof address.storage;
+  if (::getsockname(fd, address.get(), &address.bytes) != 0)
+    fail(ErrorKind::Failed, "listen", std::strerror(errno));
+  return address;
+}
+
+/// Returns the host of an internet address: "127.0.0.1" or "[::1]"; empty for another family.
+inline std::string host_of(const sockaddr& address) {
+  std::array<char, INET6_ADDRSTRLEN> text{};
+  if (address.sa_family == AF_INET)
+    ::inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in&>(address).sin_addr, text.data(),
+                text.size());
+  if (address.sa_family != AF_INET6) return text.data();
+  ::inet_ntop(AF_INET6, &reinterpret_cast<const sockaddr_in6&>(address).sin6_addr, text.data(),
+              text.size());
+  return fmt::format("[{}]", text.data());
+}
+
+/// Returns the name of a host with the port of `bound`; both families have it at the same place.
+inline std::string with_port(const std::string& host, const SocketAddress& bound) {
+  return fmt::format("{}:{}", host, ntohs(bound.v4().sin_port));
+}
+
+inline std::string name_of(const SocketAddress& address) {
+  if (address.family() == AF_UNIX)
+    return reinterpret_cast<const sockaddr_un&>(address.storage).sun_path;
+  return with_port(host_of(*address.get()), address);
+}
+
+inline void require_lan(const std::string& name, bool is_local, bool lan) {
+  if (is_local || lan) return;
+  fail(ErrorKind::Usage, "--listen", fmt::format("other machines can connect to {}", name),
+       "add --lan to permit this. Every machine of the network can then reach the pages, and "
+       "without a reverse proxy with HTTPS the network can read the tokens");
+}
+
+/// Removes the socket of a server that has exited.
+inline void remove_dead_socket(const std::filesystem::path& path, const UnixAddress& address) {
+  struct stat status {};
+  if (::lstat(path.c_str(), &status) != 0) return;
+  if (!S_ISSOCK(status.st_mode))
+    fail(ErrorKind::Usage, path.string(), "exists and is not a socket");
+  const UniqueFd probe(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!probe) fail(ErrorKind::Failed, path.string(), std::strerror(errno));
+  if (::connect(probe.get(), address.get(), address.bytes) == 0 || errno != ECONNREFUSED)
+    fail(ErrorKind::Device, path.string(), "another server listens there",
+         "stop that server, or use another socket");
+  (void)::unlink(path.c_str());
+}
+
+inline bool is_any(const SocketAddress& address) {
+  if (address.family() == AF_INET) return address.v4().sin_addr.s_addr == INADDR_ANY;
+  return address.family() == AF_INET6 && IN6_IS_ADDR_UNSPECIFIED(&address.v6().sin6_addr) != 0;
+}
+
+/// Returns false for addresses that need the name of an interface (fe80::...).
+inline bool is_plain(const sockaddr& address) {
+  return address.sa_family != AF_INET6 ||
+         IN6_IS_ADDR_LINKLOCAL(&reinterpret_cast<const sockaddr_in6&>(address).sin6_addr) == 0;
+}
+
+/// Returns the addresses by which clients reach the listener: for one that accepts connections at
+/// every address of the machine, those of its network interfaces.
+[[nodiscard]] inline std::vector<std::string> reachable_names(const Listener& listener) {
+  const SocketAddress bound = bound_address(listener.fd.get());
+  ifaddrs* first = nullptr;
+  if (!is_any(bound) || ::getifaddrs(&first) != 0) return {listener.name};
+  const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owned(first, &::freeifaddrs);
+  std::vector<std::string> names;
+  for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
+    const bool is_up = (one->ifa_flags & IFF_UP) != 0 && (one->ifa_flags & IFF_LOOPBACK) == 0;
+    if (is_up && one->ifa_addr != nullptr && one->ifa_addr->sa_family == bound.family() &&
+        is_plain(*one->ifa_addr))
+      names.push_back(with_port(host_of(*one->ifa_addr), bound));
+  }
+  if (names.empty()) names.push_back(listener.name);
+  return names;
+}
+
+/// Parses "127.0.0.1:8420" or "[::1]:8420". Throws Error(Usage).
+[[nodiscard]] inline ListenAddress parse_listen_address(const std::string& text) {
+  const size_t colon = text.rfind(':');
+  std::string host = colon == std::string::npos ? "" : text.substr(0, colon);
+  if (host.size() > 2 && host.front() == '[' && host.back() == ']')
+    host = host.substr(1, host.size() - 2);
+  else if (host.find(':') != std::string::npos)
+    host.clear();  // an IPv6 address without brackets: the port is ambiguous
+  const auto port = colon == std::string::npos
+                        ? std::nullopt
+                        : number_from<uint16_t>(std::string_view(text).substr(colon + 1));
+  if (host.empty() || !port)
+    fail(ErrorKind::Usage, "--listen", fmt::format("'{}' is not an address with a port", text),
+         "use a numeric address and a port: 127.0.0.1:8420 or [::1]:8420");
+  ListenAddress address{.host = host, .port = *port};
+  (void)numeric_address(address);
+  return address;
+}
+
+/// Listens on an address. Throws Error(Usage) if other machines could connect and `lan` is false,
+/// Error(Device) if the address is taken.
+[[nodiscard]] inline Listener listen_tcp(const ListenAddress& address, bool lan) {
+  const SocketAddress wanted = numeric_address(address);
+  const std::string name = name_of(wanted);
+  require_lan(name, is_loopback(wanted), lan);
+  UniqueFd fd(::socket(wanted.family(), SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  const int yes = 1;
+  if (!fd || ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0)
+    fail(ErrorKind::Failed, name, std::strerror(errno));
+  if (wanted.family() == AF_INET6)
+    (void)::setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &yes, sizeof yes);
+  if (::bind(fd.get(), wanted.get(), wanted.bytes) != 0 || ::listen(fd.get(), kBacklog) != 0)
+    fail(ErrorKind::Device, name, fmt::format("cannot listen: {}", std::strerror(errno)),
+         "choose another address: --listen ADDRESS:PORT");
+  const SocketAddress bound = bound_address(fd.get());
+  return {.fd = std::move(fd), .name = name_of(bound), .is_local = is_loopback(bound)};
+}
+
+/// Listens on a Unix socket with mode 0660; replaces the socket of a server that has exited.
+[[nodiscard]] inline Listener listen_unix(const std::filesystem::path& path) {
+  const UnixAddress address = unix_address(path);
+  remove_dead_socket(path, address);
+  UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  // The mode is set before the first connection is possible.
+  if (!fd || ::fchmod(fd.get(), 0660) != 0 || ::bind(fd.get(), address.get(), address.bytes) != 0 ||
+      ::chmod(path.c_str(), 0660) != 0 || ::listen(fd.get(), kBacklog) != 0)
+    fail(ErrorKind::Failed, path.string(), fmt::format("cannot listen: {}", std::strerror(errno)));
+  return {.fd = std::move(fd), .name = path.string(), .is_unix = true, .is_local = true};
+}
+
+/// Returns the sockets that the service manager passed; empty if there are none. Throws
+/// Error(Usage) if other machines could connect to one and `lan` is false.
+[[nodiscard]] inline std::vector<Listener> passed_listeners(bool lan) {
+  const auto number = [](const char* variable) -> std::optional<int> {
+    const char* const text = std::getenv(variable);
+    return text == nullptr ? std::nullopt : number_from<int>(text);
+  };
+  std::vector<Listener> listeners;
+  if (number("LISTEN_PID") != static_cast<int>(::getpid())) return listeners;
+  const int count = number("LISTEN_FDS").value_or(0);
+  for (int fd = kFirstPassed; fd < kFirstPassed + count; ++fd) {
+    UniqueFd owned(fd);
+    (void)::fcntl(fd, F_SETFD, FD_CLOEXEC);
+    (void)::fcntl(fd, F_SETFL, O_NONBLOCK);
+    const SocketAddress bound = bound_address(fd);
+    const std::string name = name_of(bound);
+    require_lan(name, is_loopback(bound), lan);
+    listeners.push_back({.fd = std::move(owned),
+                         .name = name,
+                         .is_unix = bound.family() == AF_UNIX,
+                         .is_local = is_loopback(bound)});
+  }
+  return listeners;
+}
+
+/// RateLimit counts events per address in token buckets.
+///
+/// Thread safety: any thread.
+class RateLimit {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// Permits `burst` events at once and `per_second` on average, for each address.
+  RateLimit(double burst, double per_second) : burst_(burst), per_second_(per_second) {}
+
+  /// Counts one event; returns false, and counts nothing, if it is beyond the limit.
+  [[nodiscard]] bool permits(const std::string& address, Clock::time_point now = Clock::now()) {
+    const std::lock_guard lock(mutex_);
+    auto found = buckets_.find(address);
+    if (found == buckets_.end()) {
+      if (buckets_.size() >= kMaxAddresses) forget_full(now);
+      found = buckets_.emplace(address, Bucket{.tokens = burst_, .at = now}).first;
+    }
+    Bucket& bucket = found->second;
+    bucket.tokens = tokens_of(bucket, now);
+    bucket.at = now;
+    if (bucket.tokens < 1.0) return false;
+    bucket.tokens -= 1.0;
+    return true;
+  }
+  /// Returns the number of addresses that are remembered; at most kMaxAddresses.
+  [[nodiscard]] size_t addresses() const {
+    const std::lock_guard lock(mutex_);
+    return buckets_.size();
+  }
+
+  static constexpr size_t kMaxAddresses = 4096;
+
+ private:
+  struct Bucket {
+    double tokens = 0.0;
+    Clock::time_point at{};
+  };
+  [[nodiscard]] double tokens_of(const Bucket& bucket, Clock::time_point now) const {
+    const double seconds = std::chrono::duration<double>(now - bucket.at).count();
+    return std::min(burst_, bucket.tokens + seconds * per_second_);
+  }
+  /// Forgets the addresses whose bucket is full again; if that is not enough, all of them.
+  void forget_full(Clock::time_point now) {
+    std::erase_if(buckets_,
+                  [&](const auto& entry) { return tokens_of(entry.second, now) >= burst_; });
+    if (buckets_.size() >= kMaxAddresses) buckets_.clear();
+  }
+
+  const double burst_;
+  const double per_second_;
+  mutable std::mutex mutex_;
+  std::unordered_map<std::string, Bucket> buckets_;
+};
+
+/// ConnectionWatch ends connections that take too long, whose token was revoked, or that take the
+/// room of others. The HTTP library ends connections on which nothing moves; a client that sends
+/// one byte now and then would keep its connection forever.
+///
+/// Thread safety: any thread.
+class ConnectionWatch {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// When `crowded` connections are open, or `crowded_address` of one address, a new one ends the
+  /// oldest of them that has not sent a permitted request. `is_valid` returns true if the token
+  /// with that id was not revoked; it may take long.
+  ConnectionWatch(size_t crowded, size_t crowded_address,
+                  std::function<bool(const std::string& token_id)> is_valid)
+      : crowded_(crowded), crowded_address_(crowded_address), is_valid_(std::move(is_valid)) {
+    thread_ = std::thread([this] { work(); });
+  }
+  ~ConnectionWatch() {
+    {
+      const std::lock_guard lock(mutex_);
+      stopping_ = true;
+    }
+    changed_.notify_all();
+    thread_.join();
+  }
+  ConnectionWatch(const ConnectionWatch&) = delete;
+  ConnectionWatch& operator=(const ConnectionWatch&) = delete;
+
+  /// Begins to watch the connection; it ends unless another function extends its time. Connections
+  /// without an address are not counted per address.
+  void opened(int fd, const std::string& address, std::chrono::milliseconds time) {
+    const std::lock_guard lock(mutex_);
+    make_room(crowded_, {});
+    const Clock::time_point now = Clock::now();
+    entries_[fd] = {.deadline = now + time, .since = now, .address = address};
+    // If all others are known, the new connection is the oldest unknown one, and ends.
+    if (!address.empty()) make_room(crowded_address_ + 1, address);
+  }
+  /// Sets the time that the connection has from now on.
+  void extend(int fd, std::chrono::milliseconds time) {
+    change(fd, [&](Entry& entry) { entry.deadline = Clock::now() + time; });
+  }
+  /// Removes the limit, for an answer that never ends.
+  void release(int fd) {
+    change(fd, [](Entry& entry) { entry.deadline = Clock::time_point::max(); });
+  }
+  /// Marks the connection as one of a known sender; it ends when the token is revoked before the
+  /// answer has ended.
+  void known(int fd, const std::string& token_id) {
+    change(fd, [&](Entry& entry) {
+      entry.is_known = true;
+      entry.token_id = token_id;
+    });
+  }
+  /// Records the end of an answer. The connection ends without a new request within `time`.
+  void answered(int fd, std::chrono::milliseconds time) {
+    change(fd, [&](Entry& entry) {
+      entry.deadline = Clock::now() + time;
+      entry.token_id.clear();
+    });
+  }
+  /// Must be called before the descriptor is closed.
+  void closed(int fd) {
+    const std::lock_guard lock(mutex_);
+    entries_.erase(fd);
+  }
+
+  [[nodiscard]] size_t open() const {
+    const std::lock_guard lock(mutex_);
+    return entries_.size();
+  }
+
+ private:
+  static constexpr auto kTick = std::chrono::milliseconds(200);
+
+  struct Entry {
+    Clock::time_point deadline{};
+    Clock::time_point since{};
+    std::string address{};
+    std::string token_id{};  ///< token of the request that is being answered
+    bool is_known = false;
+    bool ended = false;
+  };
+  /// Changes the entry of a connection, if it is watched.
+  void change(int fd, const auto& how) {
+    const std::lock_guard lock(mutex_);
+    if (const auto entry = entries_.find(fd); entry != entries_.end()) how(entry->second);
+  }
+  void work() {
+    std::unique_lock lock(mutex_);
+    while (!stopping_) {
+      changed_.wait_for(lock, kTick, [this] { return stopping_; });
+      std::set<std::string> revoked;
+      for (const auto& [fd, entry] : entries_)
+        if (!entry.token_id.empty()) revoked.insert(entry.token_id);
+      lock.unlock();  // a look into the file of tokens may take long, and holds up no connection
+      std::erase_if(revoked, is_valid_);
+      lock.lock();
+      const Clock::time_point now = Clock::now();
+      for (auto& [fd, entry] : entries_)
+        if (entry.deadline <= now || revoked.contains(entry.token_id)) end(fd, entry);
+    }
+  }
+  /// Shuts the socket down; the HTTP library then closes the connection. The descriptor is open,
+  /// because closed() takes the lock before the library closes it.
+  void end(int fd, Entry& entry) {
+    if (entry.ended) return;
+    entry.ended = true;
+    (void)::shutdown(fd, SHUT_RDWR);
+  }
+  /// Ends the oldest unknown connection if `most` are open; an empty address stands for all
+  /// addresses.
+  void make_room(size_t most, const std::string& address) {
+    size_t live = 0;
+    auto oldest = entries_.end();
+    for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
+      if (entry->second.ended || (!address.empty() && entry->second.address != address)) continue;
+      ++live;
+      if (entry->second.is_known) continue;
+      if (oldest == entries_.end() || entry->second.since < oldest->second.since) oldest = entry;
+    }
+    if (live >= most && oldest != entries_.end()) end(oldest->first, oldest->second);
+  }
+
+  const size_t crowded_;
+  const size_t crowded_address_;
+  const std::function<bool(const std::string& token_id)> is_valid_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::map<int, Entry> entries_;
+  bool stopping_ = false;
+  std::thread thread_;  // last member: the thread uses everything above
+};
 
 struct ServerLimits {
   unsigned connections = 400;

@@ -6,8 +6,7 @@
 
 #include <fstream>
 
-#include "apps/lenticule-web/http/limits.h"
-#include "apps/lenticule-web/http/listener.h"
+#include "apps/lenticule-web/http/server.h"
 #include "base/error.h"
 #include "tests/support/scratch_folder.h"
 

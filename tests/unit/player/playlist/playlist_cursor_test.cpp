@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the place in a playlist: jumps, and lists that are replaced while an item plays.
-#include "player/playlist/playlist_cursor.h"
+#include "player/playlist/item_loader.h"
 
 #include <gtest/gtest.h>
 
