@@ -88,10 +88,11 @@ class Transition {
     const std::span<uint8_t> out = room.first(from.bytes.size());
     room = room.subspan(out.size());
     for_rows(from.geometry.height, [&](int row) noexcept {
-      const uint8_t *a = from.row(row), *b = to.row(row);
       const size_t bytes = from.geometry.row_bytes();
+      const uint8_t *a = from.row(row), *b = to.row(row), *const codes = codes_.data();
       uint8_t* const to_row = out.data() + static_cast<size_t>(row) * bytes;
-      for (size_t n = 0; n < bytes; ++n) to_row[n] = codes_[static_cast<size_t>(a[n]) << 8 | b[n]];
+#pragma GCC unroll 8
+      for (size_t n = 0; n < bytes; ++n) to_row[n] = codes[static_cast<size_t>(a[n]) << 8 | b[n]];
     });
     return {.geometry = from.geometry, .bytes = out};
   }
@@ -99,8 +100,7 @@ class Transition {
   TransitionKind kind_;
   double seconds_;
   std::vector<Blended> frames_;
-  std::array<uint8_t, size_t{1} << 16>
-      codes_{};  ///< by code of the first frame * 256 + the second's
+  std::array<uint8_t, size_t{1} << 16> codes_{};  ///< at the first code * 256 + the second
 };
 
 }  // namespace lenticule::player

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the place in a playlist: jumps, and lists that are replaced while an item plays.
-#include "player/playlist/item_loader.h"
-
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "player/playlist/item_loader.h"
 #include "tests/unit/player/playlist/fake_items.h"
 
 namespace lenticule::player {
