@@ -764,11 +764,7 @@ class ItemLoader {
     }
     bool list_is_old = false;
     Attempt attempt = unlocked(lock, [&] {
-      Attempt opened = try_open(item, 0);
-      const TransitionKind kind = list->transition_to(item);
-      if (opened.item && kind != TransitionKind::Cut)
-        opened.item->transition = std::make_unique<Transition>(
-            kind, item.transition_s.value_or(list->transition_s), options_.panel);
+      Attempt opened = try_open(item, 0, list.get());
       // A file that was removed from a folder is no fault: the list is read again first.
       list_is_old = !opened.item && is_list_changed(*list);
       return opened;
@@ -973,9 +969,14 @@ class ItemLoader {
       throw no_such_frame(item, frame, *source.frame_count());
     return open;
   }
-  [[nodiscard]] Attempt try_open(const PlaylistItem& item, uint64_t frame) const {
+  /// Opens an item that follows another one of `list` (null: by a jump).
+  [[nodiscard]] Attempt try_open(const PlaylistItem& item, uint64_t frame,
+                                 const Playlist* list = nullptr) const {
     try {
-      return {.item = open_item(item, frame)};
+      Attempt opened{.item = open_item(item, frame)};
+      if (list != nullptr && list->transition_to(item) != TransitionKind::Cut)
+        opened.item->transition = std::make_unique<Transition>(*list, item, options_.panel);
+      return opened;
     } catch (const Error& error) {
       return {.error = error};
     } catch (const std::exception& error) {

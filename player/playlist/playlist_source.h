@@ -297,7 +297,7 @@ class PlaylistSource final : public frames::FrameSource {
     acquired.inner = item.transition->blend(held_->frame.frame, item.handed_out, steps, out.frame);
     acquired.is_blended = true;
     if (!item.picture) item.opened.source->release(out.token);
-    if (item.handed_out + 1 == steps) drop(held_);
+    if (item.handed_out + 1 >= steps) drop(held_);
   }
   void drop(std::optional<KeptFrame>& kept) {
     const auto gone = std::exchange(kept, std::nullopt);

@@ -37,9 +37,9 @@ class Transition {
   /// buffers, for snapshots, and the next.
   static constexpr int kMostAcquired = 4;
 
-  Transition(TransitionKind kind, double seconds, const frames::FrameGeometry& panel)
-      : kind_(kind),
-        seconds_(seconds),
+  Transition(const Playlist& list, const PlaylistItem& item, const frames::FrameGeometry& panel)
+      : kind_(list.transition_to(item)),
+        seconds_(item.transition_s.value_or(list.transition_s)),
         frames_(kMostAcquired + 1, {.bytes = frames::AlignedBytes(panel.frame_bytes())}) {}
 
   /// Returns the number of steps at this rate.
@@ -53,7 +53,7 @@ class Transition {
     const auto blended = std::ranges::find(frames_, false, &Blended::is_acquired);
     LENTICULE_CHECK(blended != frames_.end());
     blended->is_acquired = true;
-    const double way = static_cast<double>(k + 1) / static_cast<double>(n + 1);
+    const double way = std::min(1.0, static_cast<double>(k + 1) / static_cast<double>(n + 1));
     const bool crosses = kind_ == TransitionKind::Cross, darkens = !crosses && way <= 0.5;
     const double first = crosses ? 1.0 - way : darkens ? 1.0 - 2.0 * way : 0.0;
     const double second = crosses ? way : darkens ? 0.0 : 2.0 * way - 1.0;

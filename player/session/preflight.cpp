@@ -49,8 +49,7 @@ ordered_json row_of(const std::string& source, const std::string& problem) {
 }
 
 /// Measures whether this machine blends frames of a transition at the item's rate.
-PaceFigures measure_transition(const frames::FrameGeometry& panel, frames::Rate needed) {
-  Transition transition(TransitionKind::Cross, 1.0, panel);
+PaceFigures measure(Transition transition, frames::FrameGeometry panel, frames::Rate needed) {
   frames::WovenFrame frame(panel);
   for (size_t n = 0; n < frame.bytes().size(); ++n) frame.bytes()[n] = static_cast<uint8_t>(n / 7);
   const auto begin = std::chrono::steady_clock::now();
@@ -80,8 +79,9 @@ ordered_json examine(const PlaylistItem& item, const Playlist& list, const PlayP
     const frames::Rate rate = needed_rate(item, *opened.source, plan);
     if (list.transition_to(item) != TransitionKind::Cut) {
       const bool is_still = opened.source->frame_count() == uint64_t{1};
-      row["transition"] = to_json(
-          measure_transition(plan.context.panel, is_still ? refresh_of(plan.display.spec) : rate));
+      row["transition"] =
+          to_json(measure(Transition(list, item, plan.context.panel), plan.context.panel,
+                          is_still ? refresh_of(plan.display.spec) : rate));
     }
     try {
       row["figures"] = to_json(SourcePace::measure(*opened.source, rate, kLongest));
