@@ -87,9 +87,6 @@ class FrameMemory {
   uint64_t serial_ = 0;
 };
 
-inline constexpr std::array<const char*, 7> kDays = {"mon", "tue", "wed", "thu",
-                                                     "fri", "sat", "sun"};
-
 inline nlohmann::ordered_json loops_json(uint64_t loops) {
   return loops == kForever ? nlohmann::ordered_json("forever") : nlohmann::ordered_json(loops);
 }
@@ -106,8 +103,8 @@ inline nlohmann::ordered_json dates_json(const std::vector<DateSpan>& dates) {
 
 inline nlohmann::ordered_json schedule_json(const Schedule& schedule) {
   nlohmann::ordered_json days = nlohmann::ordered_json::array();
-  for (size_t day = 0; day < kDays.size(); ++day)
-    if ((schedule.days >> day & 1u) != 0) days.push_back(kDays.at(day));
+  for (size_t day = 0; day < kWeekdays.size(); ++day)
+    if ((schedule.days >> day & 1u) != 0) days.push_back(kWeekdays.at(day));
   nlohmann::ordered_json json = {{"days", days},
                                  {"from", clock_text(schedule.from_minute)},
                                  {"to", clock_text(schedule.to_minute)}};

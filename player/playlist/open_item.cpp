@@ -19,10 +19,9 @@ bool OpenItem::live_is_over() const {
 }
 
 std::optional<uint64_t> OpenItem::frame_limit(frames::Rate rate) const {
-  const auto seconds = item.still_s && is_still() ? item.still_s : item.duration_s;
-  if (!seconds) return std::nullopt;
-  const double left = *seconds - blended_s;
-  return static_cast<uint64_t>(std::max(1.0, std::round(left * rate.hertz())));
+  if (!seconds()) return std::nullopt;
+  const double frames = std::round((*seconds() - blended_s) * rate.hertz());
+  return static_cast<uint64_t>(std::max(blended_s > 0.0 ? 0.0 : 1.0, frames));
 }
 
 Error no_such_frame(const PlaylistItem& item, uint64_t frame, uint64_t count) {

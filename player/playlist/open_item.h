@@ -49,6 +49,10 @@ struct OpenItem {
   std::chrono::steady_clock::time_point waiting_since{};
 
   [[nodiscard]] bool is_still() const { return opened.source->frame_count() == uint64_t{1}; }
+  /// Returns the time after which the item ends; none if loops end it.
+  [[nodiscard]] std::optional<double> seconds() const {
+    return item.still_s && is_still() ? item.still_s : item.duration_s;
+  }
   /// Returns true for live pictures whose time is over: their frames need not come at a steady
   /// rate.
   [[nodiscard]] bool live_is_over() const;

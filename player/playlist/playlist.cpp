@@ -29,7 +29,6 @@ constexpr int64_t kMaxLoops = 1'000'000'000;
 constexpr double kMaxSeconds = 1e6;
 constexpr double kMaxTransitionSeconds = 10.0;
 constexpr size_t kMaxSourceBytes = 4096;
-constexpr std::array<std::string_view, 7> kDays = {"mon", "tue", "wed", "thu", "fri", "sat", "sun"};
 constexpr int kMinutesPerDay = 24 * 60;
 constexpr int kLongestSearchDays = 3653;
 constexpr std::chrono::sys_days kFirstMonday = std::chrono::year(1969) / 12 / 29;
@@ -574,9 +573,9 @@ class Reader {
       fail(node, "days: not a list of days", "for example [\"mon\", \"tue\"]");
     uint8_t bits = 0;
     for (const toml::node& one : *array) {
-      const auto day = std::find(kDays.begin(), kDays.end(), text(one));
-      if (day == kDays.end()) fail(one, "not a day", "mon, tue, wed, thu, fri, sat or sun");
-      bits = static_cast<uint8_t>(bits | (1u << (day - kDays.begin())));
+      const auto day = std::find(kWeekdays.begin(), kWeekdays.end(), text(one));
+      if (day == kWeekdays.end()) fail(one, "not a day", "mon, tue, wed, thu, fri, sat or sun");
+      bits = static_cast<uint8_t>(bits | (1u << (day - kWeekdays.begin())));
     }
     return bits;
   }

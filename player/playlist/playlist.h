@@ -71,7 +71,6 @@ struct Schedule {
 /// cross-fade.
 enum class TransitionKind { Cut, Fade, Cross };
 inline constexpr std::array<std::string_view, 3> kTransitionNames = {"cut", "fade", "cross"};
-inline constexpr double kTransitionSeconds = 0.5;
 
 struct PlaylistItem {
   /// Not a list; a folder only until FolderLists::with_files().
@@ -106,9 +105,8 @@ struct Playlist {
   std::optional<PlaylistItem> standby;  ///< played when no item is scheduled or can be played
   uint64_t rounds = 1;                  ///< or kForever
   std::optional<uint64_t> shuffle{};  ///< plays each round in another order, which this seed gives
-  /// The transition of items that state none.
-  TransitionKind transition = TransitionKind::Cut;
-  double transition_s = kTransitionSeconds;
+  TransitionKind transition = TransitionKind::Cut;  ///< to items that state none
+  double transition_s = 0.5;
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};
   /// Shows black while no item can be played, because its files may come later.
@@ -133,6 +131,8 @@ struct Playlist {
   [[nodiscard]] size_t beside(size_t index, int64_t step, uint64_t round) const;
 };
 
+inline constexpr std::array<std::string_view, 7> kWeekdays = {"mon", "tue", "wed", "thu",
+                                                              "fri", "sat", "sun"};
 inline constexpr size_t kMaxPlaylistBytes = size_t{1} << 20;
 inline constexpr size_t kMaxPlaylistItems = 1000;
 inline constexpr uint64_t kMaxWeight = 100;

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -293,11 +294,15 @@ class PlaylistSource final : public frames::FrameSource {
   /// Replaces the acquired frame by the next step of the transition.
   void blend(OpenItem& item, frames::AcquiredFrame& out) {
     const uint64_t steps = item.transition->steps(*rate_);
+    // After the last step, a picture stays until whole periods of its own rate are left.
+    const double seconds = item.picture ? item.seconds().value_or(0.0) : 0.0;
+    const double left = std::max(0.0, seconds - static_cast<double>(steps) / rate_->hertz());
+    const double rest = std::fmod(left, 1.0 / rate_of(item).hertz()) * rate_->hertz();
     Acquired& acquired = acquired_.back();
     acquired.inner = item.transition->blend(held_->frame.frame, item.handed_out, steps, out.frame);
     acquired.is_blended = true;
     if (!item.picture) item.opened.source->release(out.token);
-    if (item.handed_out + 1 >= steps) drop(held_);
+    if (item.handed_out + 1 >= steps + static_cast<uint64_t>(std::lround(rest))) drop(held_);
   }
   void drop(std::optional<KeptFrame>& kept) {
     const auto gone = std::exchange(kept, std::nullopt);
@@ -319,7 +324,7 @@ class PlaylistSource final : public frames::FrameSource {
   /// Returns true if the item has reached its end. Standby has none: it continues until an item is
   /// ready.
   [[nodiscard]] bool is_over(const OpenItem& item) const {
-    if (!item.index) return false;
+    if (!item.index || (held_ && item.picture)) return false;
     if (item.opened.live) return item.live_is_over();
     const auto limit = item.frame_limit(rate_of(item));
     return limit && item.frames_pulled >= *limit;

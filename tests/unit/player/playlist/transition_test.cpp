@@ -254,6 +254,18 @@ TEST_F(TransitionTimes, EachRefreshShowsAStepOfAStillPictureThatStaysAsLongAsWit
   EXPECT_EQ(shown[35].sequence, shown[3].sequence + 60) << "a second";
 }
 
+TEST_F(TransitionTimes, APictureStaysForItsSecondsWhateverItsRate) {
+  put("a", 0, 3);
+  for (const auto& [name, rate] : {std::pair("slow", 1), {"own", 4}, {"odd", 7}})
+    shelf.put(name, {10, {.geometry = kItemSize, .frames = 1, .rate = frames::Rate{rate, 1}}});
+  Playlist list = list_of({"a", "slow", "own", "odd", "a"});
+  for (PlaylistItem& item : list.items)
+    if (item.source.text != "a") item.duration_s = 1.0;
+  list.transition = TransitionKind::Cross;
+  list.transition_s = 0.3;
+  EXPECT_EQ(play_list(list).report.pace.vblanks, 3U + 3 * 60 + 3);
+}
+
 TEST_F(TransitionTimes, NoVblankIsMissedAndNoLengthChangesInTwentyRounds) {
   put("a", 0, 20);
   put("b", 30, 20);
