@@ -262,8 +262,8 @@ double shortened(double number) {
   return high - (high - number);
 }
 
-/// Returns a power of two near the number, whose products are exact. The limit between two powers
-/// is a ratio that scales seldom have; rounding decides there.
+/// Returns a power of two near the number, whose products are exact. At the limit between two
+/// powers rounding decides, so it is a ratio that scales seldom have.
 double power_of_two_near(double number) {
   constexpr double kLimit = 0.763932;
   int exponent = 0;

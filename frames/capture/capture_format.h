@@ -43,6 +43,7 @@ struct FormatOffer {
   [[nodiscard]] std::string pixel_format() const { return fourcc_name(fourcc); }
   /// Returns true if the pixels can be unpacked.
   [[nodiscard]] bool usable() const { return layout_of(fourcc) != nullptr; }
+  /// Returns names such as "1920x1080".
   [[nodiscard]] std::vector<std::string> size_names() const;
 };
 

@@ -16,9 +16,6 @@
 
 namespace lenticule::player {
 
-// The sound's clock tells which picture is due when, by the panel's clock. The presenter writes it
-// at every flip, and the sound follows; docs/play/sound.md.
-
 inline constexpr double kLeastVolumeDb = -80.0, kMostVolumeDb = 12.0;  ///< the least is silence
 
 /// A frame of an item and its ideal time, which the cadence moves by less than a vblank.
@@ -35,6 +32,8 @@ struct SoundAnchor {
   uint64_t held = 1;  ///< 1: paused, or switched off
 };
 
+/// SoundClock tells which picture is due when, by the panel's clock. The presenter writes it at
+/// every flip, and the sound follows; docs/play/sound.md.
 struct SoundClock {
   LiveValue<SoundAnchor> anchor;
   /// Called by the presenter in simulated time, where no other thread can follow it. Null

@@ -31,9 +31,6 @@
 
 namespace lenticule::player {
 
-// PlaylistCursor is the place in a playlist: the item that plays, the item chosen last, and the
-// rounds. It follows jumps and replaced lists.
-
 /// The target of a jump.
 struct Jump {
   std::shared_ptr<const Playlist> list = nullptr;  ///< null: the list that is playing
@@ -61,7 +58,8 @@ struct InterruptedPlace {
   uint64_t rounds_done = 0;
 };
 
-/// Thread safety: one thread at a time; ItemLoader uses it under its mutex.
+/// PlaylistCursor is the place in a playlist: the item that plays, the one chosen last, and the
+/// rounds. Thread safety: one thread at a time; ItemLoader uses it under its mutex.
 class PlaylistCursor {
  public:
   explicit PlaylistCursor(std::shared_ptr<const Playlist> list) : list_(std::move(list)) {}
@@ -345,7 +343,7 @@ class ItemLoader {
   }
   void note_first_frame(const OpenItem& item) {
     const std::lock_guard lock(mutex_);
-    shown_ = true;
+    shown_ = playing_.has_shown = true;
     faults_.broke_off = false;
     if (item.index) faults_.unplayable_in_a_row = 0;
   }
@@ -494,7 +492,7 @@ class ItemLoader {
       return request;
     });
   }
-  /// Completes the status that the reporter keeps.
+  /// Adds what the loader knows to the status: jump, cue, interruption and state.
   void complete(PlaylistStatus& status) const {
     const std::lock_guard lock(mutex_);
     const auto& place = cursor_.interrupted();
@@ -511,7 +509,7 @@ class ItemLoader {
       status.state = {"waiting", "no renderer is connected"};
     else if (plays && place && playing_.item.source.kind == SourceKind::Black)
       status.state = {"blank", "until 'back'"};
-    else if (plays)  // though the items after it may not
+    else if (plays && playing_.has_shown)  // though the items after it may not
       status.state = {};
     else if (next_.list_over && cue_.request)
       status.state = {"cued", status.cued + " waits for 'go'"};
@@ -661,7 +659,7 @@ class ItemLoader {
   struct Playing {
     uint32_t number = 0;  ///< 0: none
     bool standby = false;
-    bool waits_for_renderer = false;
+    bool waits_for_renderer = false, has_shown = false;
     uint64_t rounds_done = 0;
     PlaylistItem item{};
     std::vector<FileMark> files{};
@@ -975,12 +973,21 @@ class ItemLoader {
     try {
       Attempt opened{.item = open_item(item, frame)};
       if (list != nullptr && list->transition_to(item) != TransitionKind::Cut)
-        opened.item->transition = std::make_unique<Transition>(*list, item, options_.panel);
+        opened.item->transition = make_transition(*list, item);
       return opened;
     } catch (const Error& error) {
       return {.error = error};
     } catch (const std::exception& error) {
       return {.error = Error(ErrorKind::Failed, item.source.text + ": " + error.what())};
+    }
+  }
+  /// Returns null, so that the item follows by a cut, if memory is short.
+  [[nodiscard]] std::unique_ptr<Transition> make_transition(const Playlist& list,
+                                                            const PlaylistItem& item) const {
+    try {
+      return std::make_unique<Transition>(list, item, options_.panel);
+    } catch (const std::bad_alloc&) {
+      return nullptr;
     }
   }
   void locked_offer(std::unique_ptr<OpenItem> item, const NextItem& pick) {
@@ -1021,7 +1028,8 @@ class ItemLoader {
     const Playlist& list = *cursor_.list();
     if (list.standby && !faults_.standby_broken) return list.standby;
     if (list.awaits_files || !shown_) return black_item();
-    if (locked_keeps_trying() && SteadyClock::now() >= faults_.since + kUntilCard)
+    if (locked_none_works() && locked_keeps_trying() &&
+        SteadyClock::now() >= faults_.since + kUntilCard)
       return card_for(locked_state(options_.local_time()));
     return std::nullopt;
   }

@@ -251,17 +251,8 @@ class Reader {
         // type is checked first.
         const auto* const format = node.as_integer();
         if (format == nullptr || format->get() != 1) fail(node, "format: unknown; expected 1");
-      } else if (key.str() == "loop" || key.str() == "shuffle") {
-        key_ = key.str();
-        if (key_ == "loop")
-          list.rounds = loops(node);
-        else
-          list.shuffle = seed(node);
+      } else if (takes_setting(list, std::string(key.str()), node)) {
         key_.clear();
-      } else if (key.str() == "transition") {
-        list.transition = transition(node);
-      } else if (key.str() == "transition_seconds") {
-        list.transition_s = transition_seconds(node);
       } else if (key.str() == "default") {
         list.standby = item(node);
         if (names_folder(list.standby->source.text))
@@ -501,6 +492,22 @@ class Reader {
       fail(node, fmt::format("transition '{}': unknown", text(node).substr(0, 64)),
            "use cut, fade (through black) or cross (cross-fade)");
     return static_cast<TransitionKind>(name - kTransitionNames.begin());
+  }
+  /// Reads a key that stands before the items. Returns false for others. Sets `key_`.
+  [[nodiscard]] bool takes_setting(Playlist& list, const std::string& key,
+                                   const toml::node& node) const {
+    key_ = key;
+    if (key == "loop")
+      list.rounds = loops(node);
+    else if (key == "shuffle")
+      list.shuffle = seed(node);
+    else if (key == "transition")
+      list.transition = transition(node);
+    else if (key == "transition_seconds")
+      list.transition_s = transition_seconds(node);
+    else
+      key_.clear();
+    return !key_.empty();
   }
   [[nodiscard]] double transition_seconds(const toml::node& node) const {
     const double value = seconds(node);

@@ -105,7 +105,7 @@ struct Playlist {
   std::optional<PlaylistItem> standby;  ///< played when no item is scheduled or can be played
   uint64_t rounds = 1;                  ///< or kForever
   std::optional<uint64_t> shuffle{};  ///< plays each round in another order, which this seed gives
-  TransitionKind transition = TransitionKind::Cut;  ///< to items that state none
+  TransitionKind transition = TransitionKind::Cut;  ///< of items that state none
   double transition_s = 0.5;
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};

@@ -293,9 +293,12 @@ class PlaylistSource final : public frames::FrameSource {
   }
   /// Replaces the acquired frame by the next step of the transition.
   void blend(OpenItem& item, frames::AcquiredFrame& out) {
-    const uint64_t steps = item.transition->steps(*rate_);
+    uint64_t steps = item.transition->steps(*rate_);
     // After the last step, a picture stays until whole periods of its own rate are left.
     const double seconds = item.picture ? item.seconds().value_or(0.0) : 0.0;
+    if (seconds > 0.0)
+      steps = std::clamp<uint64_t>(static_cast<uint64_t>(std::llround(seconds * rate_->hertz())), 1,
+                                   steps);
     const double left = std::max(0.0, seconds - static_cast<double>(steps) / rate_->hertz());
     const double rest = std::fmod(left, 1.0 / rate_of(item).hertz()) * rate_->hertz();
     Acquired& acquired = acquired_.back();
@@ -409,7 +412,7 @@ class PlaylistSource final : public frames::FrameSource {
     watch(*current_, false);
     loader_.leave();
     // An item of which no frame was shown is reported as left out.
-    if (current_->frames_pulled > 0) {
+    if (current_->handed_out > 0) {
       reporter_.count_damage(*current_);
       reporter_.report_damage(*current_);
     }
@@ -432,7 +435,7 @@ class PlaylistSource final : public frames::FrameSource {
     loader_.skip(fault);
   }
   void want_next_in_time() {
-    if (next_asked_ || !current_ || held_) return;
+    if (next_asked_ || !current_) return;
     const OpenItem& item = *current_;
     const auto count = item.opened.source->frame_count();
     const uint64_t loops = loader_.loops_of(item);

@@ -32,7 +32,8 @@ namespace lenticule::player {
 /// Thread safety: one thread at a time. The loader makes it: new memory takes as long as a refresh.
 class Transition {
  public:
-  /// Number of blended frames to borrow: of three scan-out buffers, for snapshots, and the next.
+  /// Number of blended frames that may be borrowed at a time: one for each of three scan-out
+  /// buffers, which snapshots read, and the next.
   static constexpr int kMostAcquired = 4;
 
   Transition(const Playlist& list, const PlaylistItem& item, const frames::FrameGeometry& panel)
@@ -44,7 +45,8 @@ class Transition {
   [[nodiscard]] uint64_t steps(frames::Rate rate) const {
     return static_cast<uint64_t>(std::max(1.0, std::round(seconds_ * rate.hertz())));
   }
-  /// Replaces `frame`, of the item that begins, by step `k` of `n`. Returns its number.
+  /// Replaces `frame`, of the item that begins, by step `k` of `n`. Returns the number for
+  /// release().
   [[nodiscard]] size_t blend(const frames::FrameView& held, uint64_t k, uint64_t n,
                              frames::FrameView& frame) {
     const auto blended = std::ranges::find(frames_, false, &Blended::is_acquired);

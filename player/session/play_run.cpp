@@ -410,7 +410,7 @@ class PlayRun {
     if (result != ReconnectResult::Reconnected) return result;
     kept_ = manager_.present();
     service_->store_again();
-    steered_->report_state({});
+    steered_->report_state(run_state());
     reported_exactness_ = kms_->exactness().summary();
     say("{}: back, {}\n", kms_->mode().name, reported_exactness_);
     return result;
@@ -616,9 +616,11 @@ class PlayRun {
       stall_begin_ = now - std::chrono::seconds(2);
       say("{}\n", stall_);
     }
-    steered_->report_state(!stall_.empty() ? PlayState{"stalled", stall_}
-                           : source_error_ ? PlayState{"failed", source_error_->what()}
-                                           : PlayState());
+    steered_->report_state(run_state());
+  }
+  [[nodiscard]] PlayState run_state() const {
+    if (!stall_.empty()) return {"stalled", stall_};
+    return source_error_ ? PlayState{"failed", source_error_->what()} : PlayState();
   }
 
   /// Prints the start message once, for people and the journal.

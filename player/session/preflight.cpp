@@ -79,9 +79,9 @@ ordered_json examine(const PlaylistItem& item, const Playlist& list, const PlayP
     const frames::Rate rate = needed_rate(item, *opened.source, plan);
     if (list.transition_to(item) != TransitionKind::Cut) {
       const bool is_still = opened.source->frame_count() == uint64_t{1};
-      row["transition"] =
-          to_json(measure(Transition(list, item, plan.context.panel), plan.context.panel,
-                          is_still ? refresh_of(plan.display.spec) : rate));
+      row["transition"] = to_json(
+          measure(Transition(list, item, plan.context.panel), plan.context.panel,
+                  is_still && !plan.playback.content ? refresh_of(plan.display.spec) : rate));
     }
     try {
       row["figures"] = to_json(SourcePace::measure(*opened.source, rate, kLongest));

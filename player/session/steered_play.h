@@ -488,7 +488,7 @@ class PlayControls final : public ControlTarget {
   mutable std::mutex mutex_;  ///< guards the members below
   PlaylistSource* source_ = nullptr;
   nlohmann::ordered_json statistics_;
-  PlayState run_{"starting"};
+  PlayState run_{"starting", "no frame has come yet"};
 
   std::unique_ptr<FrameMemory> frame_memory_;  ///< used by the worker thread
 
@@ -779,7 +779,7 @@ class SteeredPlay {
   SourcePace pace_;
   PlayReport before_;
   uint64_t trim_version_ = 0;
-  PlayState run_{"starting"}, published_ = run_;
+  PlayState run_{"starting", "no frame has come yet"}, published_ = run_;
   std::mutex reported_mutex_;
   std::set<std::string> reported_;  ///< complaints already printed; each is printed once
 };

@@ -56,7 +56,7 @@ struct MeshShape {
     const auto& [a, b, c] = triangles[triangle];
     return {positions[a], positions[b], positions[c]};
   }
-  /// Returns the positions without the last one.
+  /// Returns the positions without the last one, which is padding for Embree.
   [[nodiscard]] std::span<const Vec3f> vertices() const {
     return std::span(positions).first(positions.size() - 1);
   }

@@ -438,7 +438,7 @@ TEST_F(EmptySequence, ARendererThatFreezesIsAProblemUntilItContinues) {
   };
   send(0);
   EXPECT_TRUE(comes_true([this] { return status()["state"] == "stalled"; }));
-  EXPECT_TRUE(says_about("last_problem", "no frame arrives"));
+  EXPECT_TRUE(says_about("reason", "no frame arrives"));
   for (uint64_t number = 1; status()["state"] == "stalled"; ++number) send(number);
   EXPECT_EQ(status()["state"], "playing");
   const ProcessResult played = quit();

@@ -61,9 +61,9 @@ class ErrorScene {
   lab::ScratchFolder folder_;
 };
 
-/// Returns a scene whose objects and whose first light move, after some frames. Each third of the
-/// objects that are smaller than half of the scene swings, or of all objects if none is. The light
-/// goes round the scene; a scene without lights gets one.
+/// Returns a scene whose objects and whose first light move, after some frames. Every third of the
+/// objects that are smaller than half of the scene swings; if none is, every third of all. The
+/// light goes round the scene; a scene without lights gets one.
 [[nodiscard]] render::SceneDescription with_moving_objects(render::SceneDescription scene,
                                                            uint64_t frames);
 

@@ -222,13 +222,14 @@ class PlayerState {
       }
       const auto event = connection.receive(clock_.idle(milliseconds(500)), wake_.fd());
       if (event) take_event(*event);
+      if (event && text_in(*event, "event") == "state") status_at = {};
     }
   }
   void take_event(const nlohmann::ordered_json& event) {
     const std::string name = text_in(event, "event");
     if (name.empty()) return;
     const std::lock_guard lock(mutex_);
-    locked_publish(name, json_text(event));
+    if (name != "state") locked_publish(name, json_text(event));  // the server has a "state", too
     if (!is_fault(name)) return;
     ordered_json fault = event;
     fault["time"] = clock_.date();

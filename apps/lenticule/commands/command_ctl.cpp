@@ -244,8 +244,8 @@ void declare_fields(CLI::App& app, std::string_view verb, CtlFlags& flags) {
         ->check(CLI::IsMember({"on", "off"}));
   } else if (verb == "loop") {
     const auto put = [&request](const std::string& text) {
-      if (text == "forever") request["count"] = text;
-      if (const auto count = number_from<uint64_t>(text)) request["count"] = *count;
+      const auto count = number_from<uint64_t>(text);
+      request["count"] = count ? ordered_json(*count) : ordered_json(text);
     };
     app.add_option_function<std::string>("COUNT", put, "a number of loops, or forever")
         ->required()

@@ -140,7 +140,7 @@ class UnchangedRegions {
   }
 
  private:
-  /// Scene units, for a scene of a few hundred; larger than rounding errors.
+  /// In scene units; larger than the rounding errors of a scene a few hundred units wide.
   static constexpr double kMargin = 0.2;
 
   struct Patch {

@@ -287,6 +287,8 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
               testing::HasSubstr(":3: transition 'wipe': unknown"));
   EXPECT_THAT(complaint("transition_seconds = 11\n" + item),
               testing::HasSubstr(":1: transition_seconds: more than 10"));
+  EXPECT_THAT(complaint("transition_seconds = \"x\"\n" + item),
+              testing::HasSubstr(":1: transition_seconds: not a number of seconds"));
   EXPECT_THAT(complaint(item + "transition_seconds = 0\n"),
               testing::HasSubstr(":3: transition_seconds: not a number of seconds"));
   EXPECT_THAT(complaint(item + "aspect = inf\n"),

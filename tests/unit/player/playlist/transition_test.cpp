@@ -264,6 +264,8 @@ TEST_F(TransitionTimes, APictureStaysForItsSecondsWhateverItsRate) {
   list.transition = TransitionKind::Cross;
   list.transition_s = 0.3;
   EXPECT_EQ(play_list(list).report.pace.vblanks, 3U + 3 * 60 + 3);
+  list.items[2].duration_s = 0.2;  // shorter than the transition
+  EXPECT_EQ(play_list(list).report.pace.vblanks, 3U + 2 * 60 + 12 + 3);
 }
 
 TEST_F(TransitionTimes, NoVblankIsMissedAndNoLengthChangesInTwentyRounds) {
