@@ -68,7 +68,7 @@ class CodeConverter {
     if (layout_.packing == Packing::Jpeg) return decode(bytes, to);
     for_row_ranges(
         format_.height,
-        [&](int begin, int end) {
+        [this, bytes, &to](int begin, int end) {
           for (int y = begin; y < end; ++y) convert_row(bytes, y, to.row(y));
         },
         threads);

@@ -86,7 +86,7 @@ class Transition {
                                                   std::span<uint8_t>& room) const {
     const std::span<uint8_t> out = room.first(from.bytes.size());
     room = room.subspan(out.size());
-    for_rows(from.geometry.height, [&](int row) noexcept {
+    for_rows(from.geometry.height, [this, &from, &to, out](int row) noexcept {
       const size_t bytes = from.geometry.row_bytes();
       const uint8_t *a = from.row(row), *b = to.row(row), *const codes = codes_.data();
       uint8_t* const to_row = out.data() + static_cast<size_t>(row) * bytes;

@@ -397,12 +397,13 @@ TEST(WrongPanelCard, NamesExpectedPanelPresentPanelAndRemedy) {
   const display::CardText card =
       wrong_panel_card(request, search, search.present[0], "/etc/lenticule/lobby.toml");
   EXPECT_EQ(card.headline, "WRONG PANEL");
-  ASSERT_EQ(card.rows.size(), 5u);
+  ASSERT_EQ(card.rows.size(), 6u);
   EXPECT_EQ(card.rows[0].text, "3840x2160 pixels, LGD 0x1234 serial 42");
-  EXPECT_EQ(card.rows[1].text, "DP-1: DEL 0x0007 'U27', 2560x1440@60");
-  EXPECT_EQ(card.rows[2].text, "DP-2: EDID absent");
-  EXPECT_EQ(card.rows[3].text, "/etc/lenticule/lobby.toml");
-  EXPECT_THAT(card.rows[4].text, HasSubstr("lenticule panels"));
+  EXPECT_EQ(card.rows[1].text, "no-panel");
+  EXPECT_EQ(card.rows[2].text, "DP-1: DEL 0x0007 'U27', 2560x1440@60");
+  EXPECT_EQ(card.rows[3].text, "DP-2: EDID absent");
+  EXPECT_EQ(card.rows[4].text, "/etc/lenticule/lobby.toml");
+  EXPECT_THAT(card.rows[5].text, HasSubstr("lenticule panels"));
 }
 
 TEST(WrongPanelCard, DistinguishesPanelsThatDifferOnlyInTheirChecksum) {
@@ -414,7 +415,7 @@ TEST(WrongPanelCard, DistinguishesPanelsThatDifferOnlyInTheirChecksum) {
   search.present = {panel_on("DP-1", twin)};
   const display::CardText card = wrong_panel_card(request, search, search.present[0], "rig");
   EXPECT_THAT(card.rows[0].text, HasSubstr("aaaaaaaaaaaa"));
-  EXPECT_THAT(card.rows[1].text, HasSubstr("bbbbbbbbbbbb"));
+  EXPECT_THAT(card.rows[2].text, HasSubstr("bbbbbbbbbbbb"));
 }
 
 TEST(WrongPanelCard, ListsThePanelsOfAWall) {
