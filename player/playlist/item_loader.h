@@ -1008,7 +1008,9 @@ class ItemLoader {
   /// Returns true if each item that is scheduled now was tried in vain.
   [[nodiscard]] bool locked_none_works() const {
     const size_t scheduled = cursor_.list()->items_scheduled(options_.local_time());
-    return scheduled > 0 && faults_.unplayable_in_a_row >= scheduled;
+    // One that has begun may still deliver its first frame.
+    const size_t rounds = playing_.number != 0 && !playing_.standby && !playing_.has_shown ? 2 : 1;
+    return scheduled > 0 && faults_.unplayable_in_a_row >= rounds * scheduled;
   }
   /// Returns true if nothing works any more, and this does not end the list.
   [[nodiscard]] bool locked_keeps_trying() const {

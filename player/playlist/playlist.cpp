@@ -480,11 +480,10 @@ class Reader {
     fail(node, "volume: not a number of decibels",
          fmt::format("write {} to {}; 0 leaves the sound as it is", kLeastVolumeDb, kMostVolumeDb));
   }
-  [[nodiscard]] double seconds(const toml::node& node) const {
+  [[nodiscard]] double seconds(const toml::node& node, double most = kMaxSeconds) const {
     const auto value = node.is_number() ? node.value<double>() : std::nullopt;
-    if (value && *value > 0.0 && *value <= kMaxSeconds) return *value;
-    fail(node, "not a number of seconds",
-         fmt::format("write more than 0, at most {}", kMaxSeconds));
+    if (value && *value > 0.0 && *value <= most) return *value;
+    fail(node, "not a number of seconds", fmt::format("write more than 0, at most {}", most));
   }
   [[nodiscard]] TransitionKind transition(const toml::node& node) const {
     const auto* const name = std::ranges::find(kTransitionNames, text(node));
@@ -510,9 +509,7 @@ class Reader {
     return !key_.empty();
   }
   [[nodiscard]] double transition_seconds(const toml::node& node) const {
-    const double value = seconds(node);
-    if (value <= kMaxTransitionSeconds) return value;
-    fail(node, fmt::format("transition_seconds: more than {}", kMaxTransitionSeconds));
+    return seconds(node, kMaxTransitionSeconds);
   }
   [[nodiscard]] uint64_t loops(const toml::node& node) const {
     if (const auto* const word = node.as_string(); word != nullptr && word->get() == "forever")

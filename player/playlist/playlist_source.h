@@ -296,9 +296,11 @@ class PlaylistSource final : public frames::FrameSource {
     uint64_t steps = item.transition->steps(*rate_);
     // After the last step, a picture stays until whole periods of its own rate are left.
     const double seconds = item.picture ? item.seconds().value_or(0.0) : 0.0;
-    if (seconds > 0.0)
-      steps = std::clamp<uint64_t>(static_cast<uint64_t>(std::llround(seconds * rate_->hertz())), 1,
-                                   steps);
+    // It lasts no longer than the item, or one round of a film.
+    const uint64_t all = seconds > 0.0
+                             ? static_cast<uint64_t>(std::llround(seconds * rate_->hertz()))
+                             : item.opened.source->frame_count().value_or(steps);
+    if (!item.picture || seconds > 0.0) steps = std::clamp<uint64_t>(all, 1, steps);
     const double left = std::max(0.0, seconds - static_cast<double>(steps) / rate_->hertz());
     const double rest = std::fmod(left, 1.0 / rate_of(item).hertz()) * rate_->hertz();
     Acquired& acquired = acquired_.back();

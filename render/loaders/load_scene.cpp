@@ -125,7 +125,7 @@ void require_file(const std::filesystem::path& file) {
     is_shown |= extension == name;
   if (is_shown)
     throw Error(ErrorKind::Input, file.string() + ": a picture or a film, not a model",
-                "show it with lenticule play");
+                "name it as what it is, and show it with lenticule play");
   if (const auto is = recognise_misnamed(head, extension))
     throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), is->what),
                 std::string(is->remedy));

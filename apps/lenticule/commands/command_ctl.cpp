@@ -208,6 +208,7 @@ void declare_fields(CLI::App& app, std::string_view verb, CtlFlags& flags) {
   const bool loads = verb == "load", opens = loads || verb == "interrupt" || verb == "cue";
   if (opens) {
     const auto put = [&request](const std::string& text) {
+      if (text.empty()) throw CLI::ValidationError("SOURCE", "is empty");
       // The player may have another working folder.
       const player::SourceSpec source = player::parse_source(text);
       request["source"] = source.kind == player::SourceKind::Code

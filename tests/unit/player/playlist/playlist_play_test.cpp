@@ -203,6 +203,20 @@ TEST_F(PlaylistPlay, StandsByUntilAnItemIsScheduled) {
   EXPECT_EQ(shown_numbers(32).front(), 10u);
 }
 
+TEST_F(PlaylistPlay, AMissingItemBeforeAGoodOneNeverLeadsToTheDefault) {
+  put("standby", 0, 2);
+  put("good", 10, 3);
+  Playlist list = list_of({"missing", "good"}, kForever);
+  list.standby.emplace().source = parse_source("standby");
+  options.vblanks = 600;
+  play_list(list);
+  const std::vector<uint64_t> numbers = shown_numbers(32);
+  const auto first = std::ranges::find(numbers, 10U);
+  EXPECT_LT(first - numbers.begin(), 60);
+  EXPECT_EQ(std::count_if(first, numbers.end(), [](uint64_t n) { return n < 10; }), 0);
+  EXPECT_THAT(details_of(PlaylistEvent::Kind::Waiting), testing::IsEmpty());
+}
+
 TEST_F(PlaylistPlay, PlaysTheDefaultIfNoItemCanBePlayed) {
   put("standby", 0, 2);
   shelf.put("empty", {10, {.geometry = kItemSize, .frames = 0}});

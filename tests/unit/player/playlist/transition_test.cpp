@@ -121,6 +121,18 @@ TEST_F(Transitions, ACrossFadeMixesTheHeldFrameWithTheRunningOnes) {
   for (uint64_t k = 3; k < 6; ++k) EXPECT_EQ(shown[3 + k], numbered_frame(kItemSize, 10 + k));
 }
 
+TEST_F(Transitions, AFilmShorterThanItsTransitionShortensIt) {
+  put("a", 0, 1);
+  put("b", 10, 3);
+  (void)open(list_with(TransitionKind::Cross, 1.0));
+  const std::vector<frames::WovenFrame> shown = take(100);
+  ASSERT_EQ(shown.size(), 4U);
+  for (uint64_t k = 0; k < 3; ++k) {
+    const double way = static_cast<double>(k + 1) / 4;
+    expect_mix(shown[1 + k], 1 - way, 0, way, 10 + k);
+  }
+}
+
 TEST_F(Transitions, AFadeGoesThroughBlack) {
   put("a", 0, 1);
   put("b", 10, 8);
