@@ -88,17 +88,18 @@ class ExposureClock {
   /// Returns the time of the middle of the middle row's exposure. A stamp at the end is taken when
   /// the whole sensor has been read, for which one frame is assumed: most sensors read row by row
   /// during the whole frame. Stamps of another clock, in the future, ten or more seconds old, or
-  /// before the previous stamp are replaced with `now`.
+  /// before the previous stamp are replaced with `now`. Times increase, whatever the stamps do.
   [[nodiscard]] Nanoseconds exposed_at(const BufferStamp& stamp, Nanoseconds now) {
     const bool plausible = stamp.monotonic && stamp.time <= now + frame_ + kAheadAllowed &&
                            stamp.time > now - kOldestStamp && stamp.time >= last_stamp_;
     const Nanoseconds half = (frame_ + exposure_) / 2;
-    if (!plausible) {
-      unreliable_ = true;
-      return now - half;
+    Nanoseconds time = now - half;
+    if (plausible) {
+      last_stamp_ = stamp.time;
+      time = std::min(stamp.start_of_exposure ? stamp.time + half : stamp.time - half, now);
     }
-    last_stamp_ = stamp.time;
-    return std::min(stamp.start_of_exposure ? stamp.time + half : stamp.time - half, now);
+    unreliable_ |= !plausible;
+    return last_time_ = std::max(time, last_time_ + Nanoseconds{1});
   }
   /// Returns a 64-bit count, which continues where the camera's 32 bits wrap, and adds one where
   /// the camera restarts its count.
@@ -120,6 +121,7 @@ class ExposureClock {
   Nanoseconds exposure_;
   Nanoseconds frame_;
   Nanoseconds last_stamp_{0};
+  Nanoseconds last_time_ = Nanoseconds::min();
   std::optional<uint32_t> last_sequence_;
   uint64_t count_ = 0;
   bool unreliable_ = false;

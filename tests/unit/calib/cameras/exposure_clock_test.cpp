@@ -57,6 +57,12 @@ TEST(ExposureClock, AcceptsATimestampSlightlyAheadButNoPictureAhead) {
   EXPECT_FALSE(clock.unreliable());
 }
 
+TEST(ExposureClock, TimesIncreaseWhenStampsBecomeUnusable) {
+  ExposureClock clock(milliseconds{20}, milliseconds{30});
+  const Nanoseconds first = clock.exposed_at(stamped(kNow + milliseconds{29}), kNow);
+  EXPECT_GT(clock.exposed_at(stamped(Nanoseconds{0}), kNow + milliseconds{1}), first);
+}
+
 TEST(ExposureClock, ContinuesCountingWhenTheCounterRestarts) {
   ExposureClock clock(std::nullopt, Nanoseconds{0});
   EXPECT_EQ(clock.count(0xFFFFFFFEU), 0xFFFFFFFEU);
