@@ -88,7 +88,7 @@ class ExposureClock {
   /// Returns the time of the middle of the middle row's exposure. A stamp at the end is taken when
   /// the whole sensor has been read, for which one frame is assumed: most sensors read row by row
   /// during the whole frame. Stamps of another clock, in the future, ten or more seconds old, or
-  /// before the previous stamp are replaced with `now`. Times increase, whatever the stamps do.
+  /// before the previous stamp are replaced with `now`. Each returned time is later than the last.
   [[nodiscard]] Nanoseconds exposed_at(const BufferStamp& stamp, Nanoseconds now) {
     const bool plausible = stamp.monotonic && stamp.time <= now + frame_ + kAheadAllowed &&
                            stamp.time > now - kOldestStamp && stamp.time >= last_stamp_;

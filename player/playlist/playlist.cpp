@@ -377,7 +377,7 @@ class Reader {
       else if (key == "transition")
         item.transition = transition(node);
       else if (key == "transition_seconds")
-        item.transition_s = transition_seconds(node);
+        item.transition_s = seconds(node, kMaxTransitionSeconds);
       else if (key == "weight")
         item.weight = static_cast<uint64_t>(number(node, 1, int64_t{kMaxWeight}));
       else if (key == "fit")
@@ -503,13 +503,10 @@ class Reader {
     else if (key == "transition")
       list.transition = transition(node);
     else if (key == "transition_seconds")
-      list.transition_s = transition_seconds(node);
+      list.transition_s = seconds(node, kMaxTransitionSeconds);
     else
       key_.clear();
     return !key_.empty();
-  }
-  [[nodiscard]] double transition_seconds(const toml::node& node) const {
-    return seconds(node, kMaxTransitionSeconds);
   }
   [[nodiscard]] uint64_t loops(const toml::node& node) const {
     if (const auto* const word = node.as_string(); word != nullptr && word->get() == "forever")

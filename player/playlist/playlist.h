@@ -91,7 +91,7 @@ struct PlaylistItem {
   std::string fit{};       ///< as --fit; empty: that of the command
   std::string sound{};     ///< file of the item's sound, "none", or empty: as found
   double volume_db = 0.0;  ///< volume of its sound
-  PlayState shown{};       ///< by a test card: why the items cannot be played
+  PlayState shown{};       ///< state that a test card shows; unused by other items
 
   friend bool operator==(const PlaylistItem&, const PlaylistItem&) = default;
   [[nodiscard]] bool permitted(LocalTime time) const {
@@ -105,7 +105,7 @@ struct Playlist {
   std::optional<PlaylistItem> standby;  ///< played when no item is scheduled or can be played
   uint64_t rounds = 1;                  ///< or kForever
   std::optional<uint64_t> shuffle{};  ///< plays each round in another order, which this seed gives
-  TransitionKind transition = TransitionKind::Cut;  ///< of items that state none
+  TransitionKind transition = TransitionKind::Cut;  ///< for items that name no transition
   double transition_s = 0.5;
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};

@@ -60,7 +60,7 @@ class Transition {
     for (size_t pair = 0; pair < codes_.size(); ++pair)
       codes_[pair] =
           frames::code_from_linear(first * light[pair >> 8] + second * light[pair & 255]);
-    // A fade reads one frame only, as both.
+    // A fade reads the same frame as both: the held one while it darkens, then the new one.
     const frames::FrameView from = crosses || darkens ? held : frame;
     const frames::FrameView to = darkens ? held : frame;
     std::span<uint8_t> room = blended->bytes;
@@ -76,11 +76,11 @@ class Transition {
  private:
   struct Blended {
     frames::AlignedBytes bytes;
-    std::vector<frames::FrameView> parts{};  ///< of a wall; empty for one panel
+    std::vector<frames::FrameView> parts{};  ///< the panels of a wall; empty for one panel
     bool is_acquired = false;
   };
 
-  /// Blends into the first bytes of `room`, which then is the rest.
+  /// Blends one picture into the first bytes of `room`, and removes these from it.
   [[nodiscard]] frames::FrameView blended_picture(const frames::FrameView& from,
                                                   const frames::FrameView& to,
                                                   std::span<uint8_t>& room) const {
@@ -99,7 +99,7 @@ class Transition {
   TransitionKind kind_;
   double seconds_;
   std::vector<Blended> frames_;
-  std::array<uint8_t, size_t{1} << 16> codes_{};  ///< at the first code * 256 + the second
+  std::array<uint8_t, size_t{1} << 16> codes_{};  ///< result, indexed by held code * 256 + new code
 };
 
 }  // namespace lenticule::player

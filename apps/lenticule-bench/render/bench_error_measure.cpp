@@ -471,7 +471,7 @@ class ScenarioRun {
   frames::BandWorkers workers_;
   ErrorEyes eyes_;
   tools::StageSequence stages_;
-  std::optional<render::SceneDescription> first_;  ///< whose objects move
+  std::optional<render::SceneDescription> first_;  ///< scene of the first frame, to be moved
   std::shared_ptr<const render::SceneDescription> description_;
   render::Stage stage_;
   double set_scene_s_ = 0.0;  ///< time to evaluate the description and the stage
