@@ -16,6 +16,7 @@
 
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule/cli/content_flags.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/by_eye/procedure.h"
@@ -307,19 +308,15 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
   way->footer(kKeys);
   cli::declare_rig_flag(*way, flags->rig, "rig file to start from; a trim beside it is included");
   declare_display_flags(*way, *flags);
-  way->add_option("-o,--output", flags->output,
+  cli::add_option(*way, "-o,--output RIG.toml", flags->output,
                   "rig file to write; an existing one is kept under a number (RIG.1.toml)")
-      ->type_name("RIG.toml")
       ->required();
-  way->add_option("--distance", flags->distance_mm, "distance from the panel to the eye")
-      ->type_name("MM")
+  cli::add_option(*way, "--distance MM", flags->distance_mm, "distance from the panel to the eye")
       ->default_str("the rig's viewing distance");
-  way->add_option("--keys", flags->keys, "file of keys to press")
-      ->type_name("FILE")
+  cli::add_option(*way, "--keys FILE", flags->keys, "file of keys to press")
       ->default_str("standard input, if that is not a terminal");
-  way->add_option("--record", flags->record,
-                  "with virtual: record the charts: checksums:FILE or png:FOLDER")
-      ->type_name("KIND:PATH");
+  cli::add_option(*way, "--record KIND:PATH", flags->record,
+                  "with virtual: record the charts: checksums:FILE or png:FOLDER");
   way->add_flag("--insist", flags->insist, "accept implausible values without asking");
   way->add_flag("--json", flags->json, "print the result as JSON");
   return {.app = way, .run = [flags] {

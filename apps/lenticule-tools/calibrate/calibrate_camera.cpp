@@ -12,6 +12,7 @@
 
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule/cli/content_flags.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/cameras/v4l2_camera.h"
@@ -204,25 +205,16 @@ class CameraRun {
 
 void declare_camera_flags(CLI::App& way, CameraFlags& flags) {
   way.option_defaults()->group("Camera");
-  way.add_option("--device", flags.camera.device, "/dev/videoN or a name of /dev/v4l/by-id")
-      ->type_name("DEVICE")
+  cli::add_option(way, "--device DEVICE", flags.camera.device,
+                  "/dev/videoN or a name of /dev/v4l/by-id")
       ->default_str("the only camera");
-  way.add_option("--width", flags.camera.width, "width of the pictures; 0: near 1920")
-      ->type_name("PIXELS")
-      ->capture_default_str();
-  way.add_option("--height", flags.camera.height, "height of the pictures")
-      ->type_name("PIXELS")
-      ->capture_default_str();
-  way.add_option("--fps", flags.camera.frames_per_second, "pictures per second")
-      ->type_name("RATE")
-      ->capture_default_str();
-  way.add_option("--pixel-format", flags.camera.pixel_format, "for example YUYV")
-      ->type_name("FORMAT")
+  cli::add_option(way, "--width PIXELS", flags.camera.width, "width of the pictures; 0: near 1920");
+  cli::add_option(way, "--height PIXELS", flags.camera.height, "height of the pictures");
+  cli::add_option(way, "--fps RATE", flags.camera.frames_per_second, "pictures per second");
+  cli::add_option(way, "--pixel-format FORMAT", flags.camera.pixel_format, "for example YUYV")
       ->default_str("the best for measuring");
-  way.add_option("--exposure-periods", flags.camera.exposure_periods, "exposure")
-      ->type_name("REFRESHES")
-      ->check(CLI::Range(1, 60))
-      ->capture_default_str();
+  cli::add_option(way, "--exposure-periods REFRESHES", flags.camera.exposure_periods, "exposure")
+      ->check(CLI::Range(1, 60));
   way.add_option("--gain", flags.camera.gain, "gain, in the camera's own units");
   way.option_defaults()->group("Options");
 }
@@ -243,24 +235,20 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
   rig->excludes(list);
   declare_camera_flags(*way, *flags);
   way->option_defaults()->group("Measurement");
-  way->add_option("--viewpoints", flags->viewpoints,
+  cli::add_option(*way, "--viewpoints", flags->viewpoints,
                   "places of the camera; one place gives a rig for that eye only")
-      ->check(CLI::Range(1, static_cast<int>(kPlaces.size())))
-      ->capture_default_str();
+      ->check(CLI::Range(1, static_cast<int>(kPlaces.size())));
   way->add_flag("--no-prompts", flags->no_prompts, "do not wait for the enter key at each place");
-  way->add_option("--settle-ms", flags->settle_ms, "time from a new pattern to its first picture")
-      ->type_name("MS")
-      ->check(CLI::Range(0, 5000))
-      ->capture_default_str();
-  way->add_option("--average", flags->average, "number of pictures of each pattern")
-      ->check(CLI::Range(1, 64))
-      ->capture_default_str();
-  way->add_option("--gap-tolerance", flags->gap_tolerance, "relative tolerance of the starting gap")
-      ->check(CLI::Range(0.01, 3.0))
-      ->capture_default_str();
-  way->add_option("--preview", flags->preview,
-                  "picture file that is updated with what the camera sees")
-      ->type_name("FILE");
+  cli::add_option(*way, "--settle-ms MS", flags->settle_ms,
+                  "time from a new pattern to its first picture")
+      ->check(CLI::Range(0, 5000));
+  cli::add_option(*way, "--average", flags->average, "number of pictures of each pattern")
+      ->check(CLI::Range(1, 64));
+  cli::add_option(*way, "--gap-tolerance", flags->gap_tolerance,
+                  "relative tolerance of the starting gap")
+      ->check(CLI::Range(0.01, 3.0));
+  cli::add_option(*way, "--preview FILE", flags->preview,
+                  "picture file that is updated with what the camera sees");
   declare_result_flags(*way, flags->result);
   way->get_option("--output")->required(false);
   return {.app = way, .run = [flags]() -> ExitCode {
@@ -419,21 +407,16 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
       ->check(CLI::IsMember(pattern_names()));
   cli::declare_rig_flag(*way, flags->rig);
   declare_display_flags(*way, *flags);
-  way->add_option("-o,--output", flags->output, "write a picture instead: .png, .tif, .ppm")
-      ->type_name("FILE");
-  way->add_option("--phase", flags->phase, "phase of fringes and waves; of a comb, in lenses")
-      ->type_name("TURNS")
-      ->capture_default_str();
-  way->add_option("--pitch-factor", flags->pitch_factor, "makes fringes wider by this factor")
-      ->check(CLI::Range(0.1, 10.0))
-      ->capture_default_str();
-  way->add_option("--channel", flags->channel, "subpixels that show the pattern")
-      ->check(CLI::IsMember({"all", "red", "green", "blue"}))
-      ->capture_default_str();
-  way->add_option("--seconds", flags->seconds, "how long to show it; 0: until Ctrl-C")
-      ->type_name("SECONDS")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
+  cli::add_option(*way, "-o,--output FILE", flags->output,
+                  "write a picture instead: .png, .tif, .ppm");
+  cli::add_option(*way, "--phase TURNS", flags->phase,
+                  "phase of fringes and waves; of a comb, in lenses");
+  cli::add_option(*way, "--pitch-factor", flags->pitch_factor, "makes fringes wider by this factor")
+      ->check(CLI::Range(0.1, 10.0));
+  cli::add_option(*way, "--channel", flags->channel, "subpixels that show the pattern")
+      ->check(CLI::IsMember({"all", "red", "green", "blue"}));
+  cli::add_option(*way, "--seconds SECONDS", flags->seconds, "how long to show it; 0: until Ctrl-C")
+      ->check(CLI::NonNegativeNumber);
   way->add_flag("--json", flags->json, "print what was done as JSON");
   return {.app = way, .run = [flags] {
             const std::string display = flags->output.empty() ? flags->display : "";

@@ -18,6 +18,7 @@
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
 #include "apps/lenticule/cli/content_flags.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/fit/calibrate.h"
@@ -245,30 +246,25 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
       "  lenticule calibrate photos centre left right --rig start.toml -o kiosk.toml");
   way->add_option("PHOTOS", flags->sources, "a photograph, or a folder for each viewpoint");
   cli::declare_rig_flag(*way, flags->rig, "rig file to start from");
-  way->add_option("--write-patterns", flags->write_patterns,
-                  "folder to write all patterns to, with a manifest; nothing else is done")
-      ->type_name("FOLDER");
-  way->add_option(
-         "--patterns", flags->patterns,
-         "folder that --write-patterns wrote; needed if the photographs do not show their rig")
-      ->type_name("FOLDER");
-  way->add_option("--distance", flags->distances_mm,
+  cli::add_option(*way, "--write-patterns FOLDER", flags->write_patterns,
+                  "folder to write all patterns to, with a manifest; nothing else is done");
+  cli::add_option(
+      *way, "--patterns FOLDER", flags->patterns,
+      "folder that --write-patterns wrote; needed if the photographs do not show their rig");
+  cli::add_option(*way, "--distance MM", flags->distances_mm,
                   "distance from the panel to the camera of the first photograph\n"
                   "Without it a single photograph is less exact. For folders one number each, "
                   "separated by commas.")
-      ->type_name("MM")
       ->delimiter(',')
       ->check(CLI::Range(1.0, 1e6))
       ->allow_extra_args(false);
-  way->add_option("--focal-px", flags->focal_px,
+  cli::add_option(*way, "--focal-px PIXELS", flags->focal_px,
                   "focal length in pixels of the photograph, if known\n"
                   "It is used like --distance.")
-      ->type_name("PIXELS")
       ->check(CLI::Range(1.0, 1e6));
-  way->add_option("--largest-error", flags->most_lenses,
+  cli::add_option(*way, "--largest-error LENSES", flags->most_lenses,
                   "largest stated error with which a rig is written\n"
                   "Of a rig from several photographs by hand.")
-      ->type_name("LENSES")
       ->default_str("0.02")
       ->check(CLI::Range(0.02, 0.5));
   declare_pack_flag(*way, flags->pack);
@@ -452,26 +448,24 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
   way->add_option("FOLDER", flags->folder, "folder in which the photographs arrive")->required();
   cli::declare_rig_flag(*way, flags->rig, "rig file to start from");
   declare_display_flags(*way, *flags);
-  way->add_option("--focal-px", flags->focal_px, "focal length in pixels of the photographs")
-      ->type_name("PIXELS")
+  cli::add_option(*way, "--focal-px PIXELS", flags->focal_px,
+                  "focal length in pixels of the photographs")
       ->default_str("as their EXIF data state")
       ->check(CLI::PositiveNumber);
   way->add_flag("--existing", flags->existing,
                 "also use photographs that are in the folder already");
-  way->add_option("--least", flags->least, "number of usable photographs before the first attempt")
-      ->check(CLI::Range(2, 20))
-      ->capture_default_str();
-  way->add_option("--most", flags->most, "number of photographs after which the command gives up")
-      ->check(CLI::Range(2, 20))
-      ->capture_default_str();
-  way->add_option("--minutes", flags->minutes, "how long to wait for the next photograph")
-      ->type_name("MINUTES")
-      ->check(CLI::Range(0.01, 1440.0))
-      ->capture_default_str();
-  way->add_option("--seconds", flags->seconds, "how long to show the result on the display")
-      ->type_name("SECONDS")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
+  cli::add_option(*way, "--least", flags->least,
+                  "number of usable photographs before the first attempt")
+      ->check(CLI::Range(2, 20));
+  cli::add_option(*way, "--most", flags->most,
+                  "number of photographs after which the command gives up")
+      ->check(CLI::Range(2, 20));
+  cli::add_option(*way, "--minutes MINUTES", flags->minutes,
+                  "how long to wait for the next photograph")
+      ->check(CLI::Range(0.01, 1440.0));
+  cli::add_option(*way, "--seconds SECONDS", flags->seconds,
+                  "how long to show the result on the display")
+      ->check(CLI::NonNegativeNumber);
   declare_pack_flag(*way, flags->pack);
   declare_result_flags(*way, flags->result);
   return {.app = way, .run = [flags] {

@@ -15,6 +15,7 @@
 #include <string>
 
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
@@ -72,23 +73,19 @@ inline void print_text(const calib::Calibration& found, const nlohmann::json& fi
 
 inline void declare_result_flags(CLI::App& app, ResultFlags& flags) {
   app.option_defaults()->group("Result");
-  app.add_option("-o,--output", flags.output,
-                 "rig file to write; an existing one is kept under a number")
-      ->type_name("RIG.toml")
+  cli::add_option(app, "-o,--output RIG.toml", flags.output,
+                  "rig file to write; an existing one is kept under a number")
       ->required();
-  app.add_option("--report", flags.report, "HTML report")
-      ->type_name("FILE")
+  cli::add_option(app, "--report FILE", flags.report, "HTML report")
       ->default_str("beside the rig file");
-  app.add_option("--temperature", flags.temperature, "room temperature, recorded in the rig")
-      ->type_name("CELSIUS");
+  cli::add_option(app, "--temperature CELSIUS", flags.temperature,
+                  "room temperature, recorded in the rig");
   app.add_flag("--json", flags.json, "print the whole report as JSON");
   app.option_defaults()->group("Options");
 }
 
 inline void declare_display_flags(CLI::App& app, DisplayFlags& flags) {
-  app.add_option("--display", flags.display, "kms, kms:CONNECTOR, or virtual")
-      ->type_name("DISPLAY")
-      ->capture_default_str();
+  cli::add_option(app, "--display DISPLAY", flags.display, "kms, kms:CONNECTOR, or virtual");
   app.add_flag("--allow-inexact", flags.allow_inexact,
                "with kms: show patterns even if subpixels are known to arrive changed");
 }

@@ -28,6 +28,7 @@
 
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/temporary.h"
@@ -237,10 +238,9 @@ struct PhotoPack {
 };
 
 inline void declare_pack_flag(CLI::App& app, std::string& archive) {
-  app.add_option("--pack", archive,
-                 "also write a tar archive of photographs, rig and result\n"
-                 "Others can repeat the calibration with it.")
-      ->type_name("FILE");
+  cli::add_option(app, "--pack FILE", archive,
+                  "also write a tar archive of photographs, rig and result\n"
+                  "Others can repeat the calibration with it.");
 }
 
 inline std::string command_of(const PhotoPack& pack, const std::vector<std::string>& names) {

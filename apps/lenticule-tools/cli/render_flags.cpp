@@ -6,7 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include "apps/lenticule/cli/content_flags.h"
-#include "apps/lenticule/cli/triple.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/numbers.h"
 #include "player/process/rig_choice.h"
@@ -44,10 +44,10 @@ CLI::Option* declare_model_flags(CLI::App& app, render::LoadOptions& load) {
   add("--variant", load.choices.variant, "variant of the materials of a glTF file");
   CLI::Option* const camera = add("--scene-camera", load.choices.camera,
                                   "camera that places the scene instead of the file's first");
-  app.add_option_function<std::string>(
-         "--up", [&load](const std::string& name) { load.up = render::up_axis_named(name); },
-         "axis of the scene file that points up")
-      ->type_name("x|y|z|-x|-y|-z");
+  cli::add_option_function(
+      app, "--up x|y|z|-x|-y|-z",
+      [&load](const std::string& name) { load.up = render::up_axis_named(name); },
+      "axis of the scene file that points up");
   app.add_flag("--any-format", load.any_format,
                "also read models in formats whose reader crashes often: MD2, X, 3MF, ...");
   app.option_defaults()->group("Options");
@@ -58,28 +58,25 @@ void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
   CLI::Option* const camera = declare_model_flags(app, flags.load);
   app.option_defaults()->group("Stage");
   cli::add_triple(
-      app, "--centre", "X,Y,Z", [&flags](Vec3 at) { flags.stage.centre = at; },
+      app, "--centre X,Y,Z", [&flags](Vec3 at) { flags.stage.centre = at; },
       "point of the scene that lies at the panel's centre");
-  app.add_option("--mm-per-unit", flags.stage.mm_per_unit,
-                 "size of a scene unit in the panel plane")
-      ->type_name("MM");
+  cli::add_option(app, "--mm-per-unit MM", flags.stage.mm_per_unit,
+                  "size of a scene unit in the panel plane");
   app.add_option("--depth-scale", flags.stage.depth_scale,
                  "depth relative to width and height; 1 is undistorted");
-  app.add_option("--depth-budget", flags.stage.depth_budget,
-                 "how far a fitted scene may extend before and behind the panel\n"
-                 "In depths of field of the sheet.")
-      ->capture_default_str();
+  cli::add_option(app, "--depth-budget", flags.stage.depth_budget,
+                  "how far a fitted scene may extend before and behind the panel\n"
+                  "In depths of field of the sheet.");
   app.add_flag("--whole-depth", flags.stage.whole_depth,
                "fit the depth of floor, walls and backdrop, too, not only of what stands on them");
-  app.add_option("--fill", flags.stage.fill, "fraction of the panel that a fitted scene fills")
-      ->capture_default_str();
-  app.add_option_function<std::string>(
-         "--turn", [&flags](const std::string& text) { take_turn(text, flags); },
-         "rotate the scene about the vertical axis; 0:360 is one turn over all --frames")
-      ->type_name("DEGREES[:DEGREES]")
+  cli::add_option(app, "--fill", flags.stage.fill,
+                  "fraction of the panel that a fitted scene fills");
+  cli::add_option_function(
+      app, "--turn DEGREES[:DEGREES]",
+      [&flags](const std::string& text) { take_turn(text, flags); },
+      "rotate the scene about the vertical axis; 0:360 is one turn over all --frames")
       ->default_str("0");
-  app.add_option("--pitch", flags.stage.pitch_degrees, "see the scene from higher up")
-      ->type_name("DEGREES")
+  cli::add_option(app, "--pitch DEGREES", flags.stage.pitch_degrees, "see the scene from higher up")
       ->default_str(fmt::format("{:g} without a camera", render::kPitchWithoutCamera));
   app.add_flag("--fit", flags.stage.ignore_cameras,
                "ignore the scene's camera and fit the whole scene into the panel")
@@ -90,28 +87,25 @@ void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
 void declare_surroundings_flags(CLI::App& app, StagingFlags& flags) {
   app.option_defaults()->group("Surroundings");
   cli::add_triple(
-      app, "--background", "R,G,B",
-      [&flags](Vec3 colour) { flags.surroundings.background = colour; },
+      app, "--background R,G,B", [&flags](Vec3 colour) { flags.surroundings.background = colour; },
       "background colour instead of the scene's");
   app.add_flag("--sky", flags.surroundings.sky, "use a sky as the background");
-  app.add_option("--environment", flags.surroundings.environment_file,
-                 "latitude-longitude picture to use as the background")
-      ->type_name("FILE");
+  cli::add_option(app, "--environment FILE", flags.surroundings.environment_file,
+                  "latitude-longitude picture to use as the background");
   app.add_flag("--ground", flags.surroundings.ground, "add a plane under the scene");
   const auto take_ground = [&flags](Vec3 colour) {
     flags.surroundings.ground = true;
     flags.surroundings.ground_colour = colour;
   };
-  cli::add_triple(app, "--ground-colour", "R,G,B", take_ground, "colour of that plane");
+  cli::add_triple(app, "--ground-colour R,G,B", take_ground, "colour of that plane");
   app.add_flag_callback(
       "--no-ground-shadow", [&flags] { flags.surroundings.ground_shadow = false; },
       "leave out the shadow that a model without lights casts on the ground");
   const auto take_tone_map = [&flags](const std::string& name) {
     flags.surroundings.tone_map = render::tone_map_named(name);
   };
-  app.add_option_function<std::string>("--tone-map", take_tone_map,
-                                       "tone map of metallic-roughness models")
-      ->type_name("none|pbr-neutral|aces")
+  cli::add_option_function(app, "--tone-map none|pbr-neutral|aces", take_tone_map,
+                           "tone map of metallic-roughness models")
       ->default_str("pbr-neutral unless the file has lights");
   app.option_defaults()->group("Options");
 }
@@ -120,24 +114,18 @@ void declare_soft_light_flags(CLI::App& app, render::SoftLight& soft) {
   app.option_defaults()->group("Soft light (rays for each shaded point)");
   CLI::Option* shadows =
       app.add_option("--soft-shadows", soft.shadow_samples, "rays to each area light");
-  app.add_option("--light-size", soft.light_radius_mm,
-                 "radius of lights with a position, in the panel plane; 0: hard shadows")
-      ->type_name("MM")
-      ->needs(shadows)
-      ->capture_default_str();
-  app.add_option("--sun-size", soft.sun_radius_degrees,
-                 "radius of lights at infinity; 0: hard shadows")
-      ->type_name("DEGREES")
-      ->needs(shadows)
-      ->capture_default_str();
+  cli::add_option(app, "--light-size MM", soft.light_radius_mm,
+                  "radius of lights with a position, in the panel plane; 0: hard shadows")
+      ->needs(shadows);
+  cli::add_option(app, "--sun-size DEGREES", soft.sun_radius_degrees,
+                  "radius of lights at infinity; 0: hard shadows")
+      ->needs(shadows);
   CLI::Option* occlusion =
       app.add_option("--occlusion", soft.occlusion_samples,
                      "rays that measure how much of the ambient light is occluded");
-  app.add_option("--occlusion-distance", soft.occlusion_distance_mm,
-                 "largest distance of occluders, in the panel plane; inf: unlimited")
-      ->type_name("MM")
-      ->needs(occlusion)
-      ->capture_default_str();
+  cli::add_option(app, "--occlusion-distance MM", soft.occlusion_distance_mm,
+                  "largest distance of occluders, in the panel plane; inf: unlimited")
+      ->needs(occlusion);
   app.add_option("--environment-light", soft.environment_samples,
                  "rays to the environment, which then lights the scene\n"
                  "Instead of the ambient light.")
@@ -180,57 +168,43 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
                  "scene file, numbered files ('demo-%02d.nff'), or builtin:NAME[:SIZE]")
       ->required();
   CLI::Option* const rig = cli::declare_rig_flag(app, flags.rig);
-  app.add_option("--frames", flags.frames, "render frames A to B - 1; N renders only frame N")
-      ->capture_default_str()
-      ->type_name("A:B|N");
-  app.add_option("--fps", flags.fps, "frames per second of the animation")
-      ->type_name("RATE")
-      ->capture_default_str();
-  app.add_option("--method", flags.method, "how subpixels are rendered")
-      ->type_name("full|lens-view|interpolate|temporal|hybrid|adaptive")
-      ->capture_default_str();
+  cli::add_option(app, "--frames A:B|N", flags.frames,
+                  "render frames A to B - 1; N renders only frame N");
+  cli::add_option(app, "--fps RATE", flags.fps, "frames per second of the animation");
+  cli::add_option(app, "--method full|lens-view|interpolate|temporal|hybrid|adaptive", flags.method,
+                  "how subpixels are rendered");
   CLI::Option* const error =
-      app.add_option("--error", flags.options.tolerated_error,
-                     "error that adaptive may make in most subpixels; 0: full")
-          ->type_name("CODE-VALUES")
-          ->capture_default_str();
-  CLI::Option* const psnr = app.add_option("--psnr", flags.least_psnr_db,
-                                           "least PSNR of each frame of method adaptive: 40\n"
-                                           "Against method full, proven with 99 % confidence.")
-                                ->type_name("DB");
+      cli::add_option(app, "--error CODE-VALUES", flags.options.tolerated_error,
+                      "error that adaptive may make in most subpixels; 0: full");
+  CLI::Option* const psnr = cli::add_option(app, "--psnr DB", flags.least_psnr_db,
+                                            "least PSNR of each frame of method adaptive: 40\n"
+                                            "Against method full, proven with 99 % confidence.")
+                                ->default_str("");
 
   app.option_defaults()->group("Quality");
-  app.add_option("--samples", flags.options.samples, "rays per subpixel, inside its area")
-      ->capture_default_str();
-  app.add_option("--prefilter", flags.prefilter,
-                 "average over the beam of each subpixel\n"
-                 "depth: outside the sheet's depth of field; beam: everywhere; exhaustive: "
-                 "everywhere, slowly.")
-      ->type_name("off|depth|beam|exhaustive")
-      ->capture_default_str();
+  cli::add_option(app, "--samples", flags.options.samples, "rays per subpixel, inside its area");
+  cli::add_option(app, "--prefilter off|depth|beam|exhaustive", flags.prefilter,
+                  "average over the beam of each subpixel\n"
+                  "depth: outside the sheet's depth of field; beam: everywhere; exhaustive: "
+                  "everywhere, slowly.");
   CLI::Option* const prefilter_samples =
-      app.add_option("--prefilter-samples", flags.options.prefilter_samples,
-                     "largest number of rays per averaged subpixel")
-          ->capture_default_str();
-  app.add_option("--max-depth", flags.options.max_depth,
-                 "largest number of reflections and refractions")
-      ->capture_default_str();
-  app.add_option("--threads", flags.options.threads,
-                 "0 means all cores\nWith a ring, one of four or more is left to the player.")
-      ->capture_default_str();
+      cli::add_option(app, "--prefilter-samples", flags.options.prefilter_samples,
+                      "largest number of rays per averaged subpixel");
+  cli::add_option(app, "--max-depth", flags.options.max_depth,
+                  "largest number of reflections and refractions");
+  cli::add_option(app, "--threads", flags.options.threads,
+                  "0 means all cores\nWith a ring, one of four or more is left to the player.");
 
   app.option_defaults()->group("Walls");
-  app.add_option("--wall", flags.wall,
-                 "instead of --rig: render one scene for all panels of a wall\n"
-                 "Each into a file of its own.")
-      ->type_name("WALL.toml")
+  cli::add_option(app, "--wall WALL.toml", flags.wall,
+                  "instead of --rig: render one scene for all panels of a wall\n"
+                  "Each into a file of its own.")
       ->excludes(rig);
-  app.add_option("--panel", flags.panel, "render only this panel of the wall")->type_name("NAME");
+  cli::add_option(app, "--panel NAME", flags.panel, "render only this panel of the wall");
   declare_stage_flags(app, flags.staging);
-  app.add_option("--camera", flags.camera,
-                 "file with one camera per line: from, at, up, field of view")
+  cli::add_option(app, "--camera FILE", flags.camera,
+                  "file with one camera per line: from, at, up, field of view")
       ->group("Stage")
-      ->type_name("FILE")
       ->excludes(app.get_option("--scene-camera"));
   declare_surroundings_flags(app, flags.staging);
   declare_soft_light_flags(app, flags.options.soft);

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
@@ -419,21 +420,18 @@ cli::Run declare_compare(CLI::App& app) {
       ->required();
   app.add_option("TEST", flags->test, "picture, folder or pattern to compare with the reference")
       ->required();
-  app.add_option("--rig", flags->rig, "rig file: adds figures per view, and SSIM of what eyes see")
-      ->type_name("RIG.toml");
+  cli::add_option(app, "--rig RIG.toml", flags->rig,
+                  "rig file: adds figures per view, and SSIM of what eyes see");
   app.add_option("--views", flags->views, "number of views")
       ->default_str("subpixels under a lens")
       ->check(CLI::Range(1, frames::kMaxViews));
-  app.add_option("--picture", flags->picture,
-                 "picture of where the worst frame differs\n"
-                 "Black 0, blue 2, green 8, yellow 27, red 83, white 255 levels.")
-      ->type_name("FILE");
-  app.add_option("--limit-psnr", flags->limit_psnr_db,
-                 "exit code 5 if the worst frame's total PSNR is below this")
-      ->type_name("DB");
-  app.add_option("--over", flags->over,
-                 "also print the share of the subpixels that differ by more; share_over in JSON")
-      ->type_name("LEVELS")
+  cli::add_option(app, "--picture FILE", flags->picture,
+                  "picture of where the worst frame differs\n"
+                  "Black 0, blue 2, green 8, yellow 27, red 83, white 255 levels.");
+  cli::add_option(app, "--limit-psnr DB", flags->limit_psnr_db,
+                  "exit code 5 if the worst frame's total PSNR is below this");
+  cli::add_option(app, "--over LEVELS", flags->over,
+                  "also print the share of the subpixels that differ by more; share_over in JSON")
       ->check(CLI::Range(0.0, 255.0));
   app.add_flag("--json", flags->json, "print the figures as JSON; psnr_db is null where equal");
   return [flags] {

@@ -23,6 +23,7 @@
 #include "apps/lenticule-tools/offline/video_writer.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
@@ -657,26 +658,23 @@ cli::Run declare_convert(CLI::App& app) {
                  "pattern ('out/%05d.png'), picture, video or FILE.lts of woven frames or views\n"
                  "Views as play takes them: quilts, stereo, depth, 'views:view%02d/%05d.png'.")
       ->required();
-  app.add_option("-o,--output", flags->output,
-                 "FILE.lts, FILE.mkv, pattern or picture\n"
-                 "'views:view%02d/%05d.png' makes a picture per view. A quilt's layout is added to "
-                 "its name.")
-      ->type_name("OUTPUT")
+  cli::add_option(
+      app, "-o,--output OUTPUT", flags->output,
+      "FILE.lts, FILE.mkv, pattern or picture\n"
+      "'views:view%02d/%05d.png' makes a picture per view. A quilt's layout is added to "
+      "its name.")
       ->required();
   app.add_option("--as", flags->as, "woven: frames for the rig; quilt: views in tiles")
       ->default_str("woven with --rig, else the kind of the input")
       ->check(CLI::IsMember({"woven", "quilt"}));
-  app.add_option(
-         "--rig", flags->rig,
-         "rig that views are woven for\n"
-         "For woven frames the rig that they were made for, which is stored with them. With "
-         "--as woven as for other commands: that of the connected panel, else a sample.")
-      ->type_name("RIG.toml");
-  app.add_option("--rate", flags->rate, "frames per second: 24 or 24000/1001")
-      ->type_name("RATE")
+  cli::add_option(
+      app, "--rig RIG.toml", flags->rig,
+      "rig that views are woven for\n"
+      "For woven frames the rig that they were made for, which is stored with them. With "
+      "--as woven as for other commands: that of the connected panel, else a sample.");
+  cli::add_option(app, "--rate RATE", flags->rate, "frames per second: 24 or 24000/1001")
       ->default_str("the input's, or 60");
-  app.add_option("--frames", flags->frames, "convert frames A to B - 1, counted from 0")
-      ->type_name("A:B");
+  cli::add_option(app, "--frames A:B", flags->frames, "convert frames A to B - 1, counted from 0");
   cli::declare_content_flags(app, flags->content);
   cli::declare_weaving_flags(app, flags->weaving);
   app.add_option("--max-error", flags->max_error,

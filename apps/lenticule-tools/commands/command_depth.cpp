@@ -11,6 +11,7 @@
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/rig_file.h"
@@ -163,21 +164,16 @@ cli::Run declare_depth(CLI::App& app) {
   auto flags = std::make_shared<DepthFlags>();
   app.add_option("SCENE", flags->scene, "as for render")->required();
   cli::declare_rig_flag(app, flags->rig);
-  app.add_option("--frames", flags->frames, "measure frames A to B - 1; N measures only frame N")
-      ->capture_default_str()
-      ->type_name("A:B|N");
-  app.add_option("--fps", flags->fps, "frames per second of the animation")
-      ->type_name("RATE")
-      ->capture_default_str();
-  app.add_option("--threads", flags->threads, "0 means all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
-  app.add_option(
-         "--picture", flags->picture,
-         "picture of how deep the first frame is\n"
-         "Grey within the depth of field, white at the panel, yellow to red in front and cyan "
-         "to blue behind, up to eight times as far.")
-      ->type_name("FILE");
+  cli::add_option(app, "--frames A:B|N", flags->frames,
+                  "measure frames A to B - 1; N measures only frame N");
+  cli::add_option(app, "--fps RATE", flags->fps, "frames per second of the animation");
+  cli::add_option(app, "--threads", flags->threads, "0 means all cores")
+      ->check(CLI::Range(0, 1024));
+  cli::add_option(
+      app, "--picture FILE", flags->picture,
+      "picture of how deep the first frame is\n"
+      "Grey within the depth of field, white at the panel, yellow to red in front and cyan "
+      "to blue behind, up to eight times as far.");
   app.add_flag("--json", flags->json, "print as JSON");
   declare_stage_flags(app, flags->staging);
   declare_surroundings_flags(app, flags->staging);

@@ -8,7 +8,7 @@
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
-#include "apps/lenticule/cli/triple.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/numbers.h"
 #include "base/print.h"
 #include "frames/image_io.h"
@@ -91,16 +91,14 @@ cli::Run declare_eye(CLI::App& app) {
   app.add_option("FRAME", flags->woven, "woven frame of the rig's panel")->required();
   cli::declare_rig_flag(app, flags->rig, "rig that the frame is woven for");
   cli::add_triple(
-      app, "--eye", "X,Y,Z", [flags](Vec3 place) { flags->eye = eye_at(place); },
+      app, "--eye X,Y,Z", [flags](Vec3 place) { flags->eye = eye_at(place); },
       "place of the eye: mm right, up and away from the panel's centre")
       ->required();
-  app.add_option_function<std::string>(
-         "--size", [flags](const std::string& text) { flags->options = parse_size(text); },
-         "size of the picture")
-      ->type_name("WxH")
+  cli::add_option_function(
+      app, "--size WxH", [flags](const std::string& text) { flags->options = parse_size(text); },
+      "size of the picture")
       ->default_str("half the panel's pixels");
-  app.add_option("-o,--output", flags->output, "picture: .png, .tif, .exr or .ppm")
-      ->type_name("FILE")
+  cli::add_option(app, "-o,--output FILE", flags->output, "picture: .png, .tif, .exr or .ppm")
       ->required();
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags] {

@@ -15,6 +15,7 @@
 #include "apps/lenticule-tools/offline/film_renderer.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/print.h"
 #include "optics/rig_file.h"
 #include "player/process/interrupt.h"
@@ -337,32 +338,26 @@ ExitCode render_wall(const RenderCommandFlags& flags) {
 cli::Run declare_render(CLI::App& app) {
   auto flags = std::make_shared<RenderCommandFlags>();
   const std::function<void()> complete = declare_render_flags(app, flags->render);
-  app.add_option("-o,--output", flags->output,
-                 "picture file, pattern ('out/%05d.png'), FILE.lts or ring:SOCKET")
-      ->type_name("OUTPUT")
+  cli::add_option(app, "-o,--output OUTPUT", flags->output,
+                  "picture file, pattern ('out/%05d.png'), FILE.lts or ring:SOCKET")
       ->required();
   CLI::Option* const resume =
       app.add_flag("--resume", flags->resume, "skip frames that exist already");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);
   app.add_flag("--json", flags->json, "print what was done as JSON");
   app.option_defaults()->group("Into a ring");
-  app.add_option("--ring-timeout", flags->ring_timeout,
-                 "how long to wait for a player, including one that restarts")
-      ->type_name("SECONDS")
-      ->capture_default_str();
-  app.add_option("--adapt-error", flags->adapt_rate,
-                 "method adaptive: choose the error of each frame so that this rate holds\n"
-                 "Of 0.5 to 16 code values, in frames per second.")
-      ->type_name("RATE");
-  app.add_option("--rig-store", flags->rig_store,
-                 "use this copy of the rig as long as a player with this flag does")
-      ->type_name("FILE")
+  cli::add_option(app, "--ring-timeout SECONDS", flags->ring_timeout,
+                  "how long to wait for a player, including one that restarts");
+  cli::add_option(app, "--adapt-error RATE", flags->adapt_rate,
+                  "method adaptive: choose the error of each frame so that this rate holds\n"
+                  "Of 0.5 to 16 code values, in frames per second.");
+  cli::add_option(app, "--rig-store FILE", flags->rig_store,
+                  "use this copy of the rig as long as a player with this flag does")
       ->needs(app.get_option("--rig"));
-  app.add_option("--missing", flags->missing,
-                 "picture of the subpixels that reprojection left empty\n"
-                 "A file or a pattern; they are white in it.")
-      ->group("Quality")
-      ->type_name("FILE");
+  cli::add_option(app, "--missing FILE", flags->missing,
+                  "picture of the subpixels that reprojection left empty\n"
+                  "A file or a pattern; they are white in it.")
+      ->group("Quality");
   return [flags, complete, &app]() -> ExitCode {
     check_flags(*flags);
     if (flags->adapt_rate) check_adapting(*flags, app.count("--error") + app.count("--psnr") > 0);

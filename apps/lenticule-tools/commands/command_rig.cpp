@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/exit_code.h"
 #include "base/file.h"
@@ -208,11 +209,10 @@ void write_rigs(const PlacedWall& wall, const std::filesystem::path& folder) {
 /// Lifetime: `flags` must outlive the parser.
 void declare_rig_wall_flags(CLI::App& app, RigWallFlags& flags) {
   app.add_option("WALL", flags.file, "wall file")->required();
-  app.add_option("--svg", flags.svg, "write a drawing of the wall from the front and from above")
-      ->type_name("FILE");
-  app.add_option("--rigs", flags.rigs,
-                 "write the rig of each panel as it hangs in the wall, for players and 'eye'")
-      ->type_name("FOLDER");
+  cli::add_option(app, "--svg FILE", flags.svg,
+                  "write a drawing of the wall from the front and from above");
+  cli::add_option(app, "--rigs FOLDER", flags.rigs,
+                  "write the rig of each panel as it hangs in the wall, for players and 'eye'");
 }
 
 /// Throws Error(Input) and Error(Failed).
@@ -538,12 +538,10 @@ cli::Run declare_rig(CLI::App& app) {
       add("import", import_calibration, "create a rig file from another system's calibration",
           "lenticule rig import visual.json -o portrait.toml");
   import_app->add_option("FILE", options->file, "calibration file")->required();
-  import_app->add_option("-o,--output", options->output, "rig file to write")
-      ->type_name("RIG.toml")
+  cli::add_option(*import_app, "-o,--output RIG.toml", options->output, "rig file to write")
       ->required();
-  import_app->add_option("--format", options->format, "auto, lkg (visual.json) or cubevi")
-      ->check(CLI::IsMember({"auto", "lkg", "cubevi"}))
-      ->capture_default_str();
+  cli::add_option(*import_app, "--format", options->format, "auto, lkg (visual.json) or cubevi")
+      ->check(CLI::IsMember({"auto", "lkg", "cubevi"}));
 
   CLI::App* export_app =
       add("export", export_calibration, "write a rig as another system's calibration",
@@ -551,7 +549,7 @@ cli::Run declare_rig(CLI::App& app) {
   export_app->add_option("RIG", options->file, "rig file")->required();
   export_app->add_option("--format", options->format, "lkg (visual.json) or cubevi")
       ->check(CLI::IsMember({"lkg", "cubevi"}));
-  export_app->add_option("-o,--output", options->output, "file to write")->type_name("FILE");
+  cli::add_option(*export_app, "-o,--output FILE", options->output, "file to write");
 
   CLI::App* trim_app = add("trim", on_chosen_rig<change_trim>,
                            "correct drift since a rig was calibrated, in a file beside it",
@@ -572,8 +570,7 @@ cli::Run declare_rig(CLI::App& app) {
                    "how the viewer sees the sent picture: 0, 90, 180 or 270 degrees clockwise, "
                    "mirrored, or 'mirrored 90' and so on")
       ->required();
-  mount_app->add_option("-o,--output", options->output, "rig file to write")
-      ->type_name("RIG.toml")
+  cli::add_option(*mount_app, "-o,--output RIG.toml", options->output, "rig file to write")
       ->required();
 
   CLI::App* wall_app =

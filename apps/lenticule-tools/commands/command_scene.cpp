@@ -16,6 +16,7 @@
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "apps/lenticule-tools/offline/thumbnail.h"
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
@@ -339,9 +340,8 @@ CLI::App* declare_show(CLI::App& app, const std::shared_ptr<SceneFlags>& flags) 
       app.add_subcommand("show", "print what a scene file holds and what of it is seen");
   sub->footer("Example:\n  lenticule scene show model.glb -o thumbnail.png");
   sub->add_option("SCENE", flags->shown, "scene file, or builtin:NAME[:SIZE]")->required();
-  sub->add_option("-o,--output", flags->thumbnail,
-                  "picture of the scene as its camera sees it: .png, .tif, .exr or .ppm")
-      ->type_name("FILE");
+  cli::add_option(*sub, "-o,--output FILE", flags->thumbnail,
+                  "picture of the scene as its camera sees it: .png, .tif, .exr or .ppm");
   sub->add_flag("--json", flags->json, "print as JSON");
   declare_model_flags(*sub, flags->load);
   return sub;
@@ -354,13 +354,12 @@ cli::Run declare_scene(CLI::App& app) {
   const CLI::App* const show_app = declare_show(app, flags);
   app.add_option("NAME", flags->name, "a scene's name, or 'list'");
   app.add_option("--size", flags->size, "how fine or how many; 'list' explains it for each scene");
-  app.add_option("--frame", flags->frame, "frame of the scene's sequence")->capture_default_str();
-  app.add_option("-o,--output", flags->output, "file to write, .nff")
-      ->type_name("FILE")
+  cli::add_option(app, "--frame", flags->frame, "frame of the scene's sequence");
+  cli::add_option(app, "-o,--output FILE", flags->output, "file to write, .nff")
       ->default_str("NFF on standard output");
-  app.add_option("--camera", flags->camera,
-                 "file for the camera of every frame, in the format of 'lenticule render --camera'")
-      ->type_name("FILE");
+  cli::add_option(
+      app, "--camera FILE", flags->camera,
+      "file for the camera of every frame, in the format of 'lenticule render --camera'");
   app.add_flag("--json", flags->json, "print what was listed or written as JSON");
   return [flags, show_app]() -> ExitCode {
     if (show_app->parsed())

@@ -11,6 +11,7 @@
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "frames/quilt.h"
@@ -149,15 +150,13 @@ cli::Run declare_weave(CLI::App& app) {
          "rows and aspect.")
       ->required();
   cli::declare_rig_flag(app, flags->rig);
-  app.add_option("-o,--output", flags->output, "woven frame: .png, .tif, .exr or .ppm")
-      ->type_name("FILE")
+  cli::add_option(app, "-o,--output FILE", flags->output, "woven frame: .png, .tif, .exr or .ppm")
       ->required();
-  app.add_option("--frame", flags->frame, "which frame of a sequence")->type_name("N");
+  cli::add_option(app, "--frame N", flags->frame, "which frame of a sequence");
   cli::declare_content_flags(app, flags->content);
   cli::declare_weaving_flags(app, flags->weaving);
-  app.add_option("--quilt", flags->quilt,
-                 "also write the woven views as a quilt; its layout is added to the name")
-      ->type_name("FILE");
+  cli::add_option(app, "--quilt FILE", flags->quilt,
+                  "also write the woven views as a quilt; its layout is added to the name");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
   app.add_flag("--keep-damaged", flags->keep_damaged,
                "also weave from a damaged input\nAnother frame may replace the requested one.");

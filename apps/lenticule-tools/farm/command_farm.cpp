@@ -10,6 +10,7 @@
 #include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 
 namespace lenticule::tools {
@@ -28,15 +29,12 @@ CLI::App* add_action(CLI::App& app, FarmFlags& flags, const char* name, const ch
 }
 
 void add_threads(CLI::App& sub, FarmFlags& flags) {
-  sub.add_option("--threads", flags.threads, "0 means all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  cli::add_option(sub, "--threads", flags.threads, "0 means all cores")->check(CLI::Range(0, 1024));
 }
 
 void add_program(CLI::App& sub, FarmFlags& flags) {
-  sub.add_option("--program", flags.program,
-                 "lenticule as the other machines call it, if it is elsewhere there")
-      ->type_name("FILE");
+  cli::add_option(sub, "--program FILE", flags.program,
+                  "lenticule as the other machines call it, if it is elsewhere there");
 }
 
 bool is_file(const CLI::Option& option) {
@@ -82,17 +80,13 @@ void declare_plan(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Action
   const CLI::App& parsed = *sub;
   const std::vector<const CLI::Option*> render_options =
       parsed.get_options([](const CLI::Option*) { return true; });
-  sub->add_option("--chunk", flags->chunk_frames,
-                  "frames in a chunk; auto: as many as take two minutes or more")
-      ->capture_default_str()
-      ->type_name("N|auto");
-  sub->add_option("--timed-frames", flags->timed_frames,
+  cli::add_option(*sub, "--chunk N|auto", flags->chunk_frames,
+                  "frames in a chunk; auto: as many as take two minutes or more");
+  cli::add_option(*sub, "--timed-frames", flags->timed_frames,
                   "frames to render now, to measure their time")
-      ->check(CLI::Range(0, 100))
-      ->capture_default_str();
-  sub->add_option("-o,--output", flags->output, "film to make")->type_name("FILE.lts")->required();
-  sub->add_option("--work", flags->folder, "work folder, which all machines share")
-      ->type_name("DIR")
+      ->check(CLI::Range(0, 100));
+  cli::add_option(*sub, "-o,--output FILE.lts", flags->output, "film to make")->required();
+  cli::add_option(*sub, "--work DIR", flags->folder, "work folder, which all machines share")
       ->required();
   add_program(*sub, *flags);
   sub->add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
@@ -113,21 +107,19 @@ void declare_submit(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Acti
                  "lenticule farm submit /shared/film --slurm --array-limit 100");
   sub->add_flag("--slurm", flags->slurm, "submit an array job and a job that merges to Slurm");
   sub->add_flag("--dry-run", flags->dry_run, "print the scripts instead");
-  sub->add_option("--partition", flags->options.partition, "Slurm's partition")->type_name("NAME");
-  sub->add_option("--time", flags->options.time, "time limit of a chunk as sbatch takes it")
-      ->type_name("TIME")
+  cli::add_option(*sub, "--partition NAME", flags->options.partition, "Slurm's partition");
+  cli::add_option(*sub, "--time TIME", flags->options.time,
+                  "time limit of a chunk as sbatch takes it")
       ->default_str("from the timed frames");
-  sub->add_option("--mem", flags->options.memory, "memory of a chunk as sbatch takes it")
-      ->type_name("SIZE")
+  cli::add_option(*sub, "--mem SIZE", flags->options.memory, "memory of a chunk as sbatch takes it")
       ->default_str("from the timed frames");
   sub->add_option("--cpus", flags->options.cpus, "processors of a chunk")
       ->default_str("as many as timed the frames")
       ->check(CLI::Range(1, 1024));
   sub->add_option("--array-limit", flags->options.array_limit, "chunks that run at the same time")
       ->check(CLI::Range(1, 1'000'000));
-  sub->add_option("--sbatch", flags->options.more,
+  cli::add_option(*sub, "--sbatch ARGUMENT", flags->options.more,
                   "a further argument of sbatch: --sbatch=--account=film; may be repeated")
-      ->type_name("ARGUMENT")
       ->allow_extra_args(false);
   add_program(*sub, *flags);
   actions.emplace_back(sub, [flags] { return farm_submit(*flags); });
@@ -154,8 +146,7 @@ void declare_looks(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Actio
       add_action(app, *flags, "verify",
                  "render some frames again and compare them, to find a node that is faulty",
                  "lenticule farm verify /shared/film --sample 20");
-  check->add_option("--sample", flags->sample, "number of frames, chosen at random")
-      ->capture_default_str();
+  cli::add_option(*check, "--sample", flags->sample, "number of frames, chosen at random");
   check->add_option("--seed", flags->seed, "of the random choice, to make it again (0: another)");
   add_threads(*check, *flags);
   actions.emplace_back(check, [flags] { return farm_verify(*flags); });
@@ -164,14 +155,12 @@ void declare_looks(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Actio
 void declare_results(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Actions& actions) {
   CLI::App* join = add_action(app, *flags, "merge", "check the chunks and join them to the film",
                               "lenticule farm merge /shared/film");
-  join->add_option("-o,--output", flags->output, "another name of the film than the planned one")
-      ->type_name("FILE.lts");
+  cli::add_option(*join, "-o,--output FILE.lts", flags->output,
+                  "another name of the film than the planned one");
   join->add_flag("--partial", flags->partial, "join the frames before the first missing chunk");
-  join->add_option("--wait", flags->wait_seconds,
-                   "how long to wait for chunks that a network file system shows late")
-      ->type_name("SECONDS")
-      ->check(CLI::Range(0, 86400))
-      ->capture_default_str();
+  cli::add_option(*join, "--wait SECONDS", flags->wait_seconds,
+                  "how long to wait for chunks that a network file system shows late")
+      ->check(CLI::Range(0, 86400));
   join->add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
   actions.emplace_back(join, [flags] { return farm_merge(*flags); });
 
@@ -179,11 +168,9 @@ void declare_results(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Act
                               "pass frames to a waiting player in their order while they are made",
                               "lenticule farm feed /shared/film ring:/tmp/lenticule.sock");
   play->add_option("RING", flags->output, "ring:SOCKET of the player")->required();
-  play->add_option("--ring-timeout", flags->ring_timeout,
-                   "how long to wait for a player, including one that restarts")
-      ->type_name("SECONDS")
-      ->check(CLI::Range(0.0, 86400.0))
-      ->capture_default_str();
+  cli::add_option(*play, "--ring-timeout SECONDS", flags->ring_timeout,
+                  "how long to wait for a player, including one that restarts")
+      ->check(CLI::Range(0.0, 86400.0));
   actions.emplace_back(play, [flags] { return farm_feed(*flags); });
 }
 

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
-#include "apps/lenticule/cli/triple.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/exit_code.h"
 #include "base/numbers.h"
@@ -248,9 +248,7 @@ void declare_fields(CLI::App& app, std::string_view verb, CtlFlags& flags) {
       const auto count = number_from<uint64_t>(text);
       request["count"] = count ? ordered_json(*count) : ordered_json(text);
     };
-    app.add_option_function<std::string>("COUNT", put, "a number of loops, or forever")
-        ->required()
-        ->type_name("N|forever");
+    add_option_function(app, "COUNT N|forever", put, "a number of loops, or forever")->required();
   } else if (verb == "trim") {
     add_field<double>(app, request, "--offset", "offset", "set the offset, in lenses");
     add_field<double>(app, request, "--pitch", "pitch", "set the relative change of the pitch");
@@ -265,7 +263,7 @@ void declare_fields(CLI::App& app, std::string_view verb, CtlFlags& flags) {
     app.add_option_function<std::string>("FILE", put, "picture to write: .png, .tif, .exr or .ppm")
         ->required();
     add_triple(
-        app, "--eye", "X,Y,Z",
+        app, "--eye X,Y,Z",
         [&request](Vec3 eye) {
           request["eye"] = {eye.x, eye.y, eye.z};
         },
@@ -319,13 +317,10 @@ const std::vector<VerbHelp>& verb_helps() {
 Run declare_ctl(CLI::App& app) {
   const auto flags = std::make_shared<CtlFlags>();
   app.require_subcommand(1);
-  app.add_option("--socket", flags->socket, "the player's --control socket")
-      ->type_name("SOCKET")
+  add_option(app, "--socket SOCKET", flags->socket, "the player's --control socket")
       ->default_str("$LENTICULE_CONTROL, or that of the only service");
-  app.add_option("--wait", flags->wait_s, "how long to wait for an answer")
-      ->type_name("SECONDS")
-      ->check(CLI::Range(0.01, 86400.0))
-      ->capture_default_str();
+  add_option(app, "--wait SECONDS", flags->wait_s, "how long to wait for an answer")
+      ->check(CLI::Range(0.01, 86400.0));
   app.add_flag("--json", flags->json, "print the answer as JSON");
   for (const auto& [verb, summary, arguments] : verb_helps()) {
     CLI::App* const sub = app.add_subcommand(verb, summary);
@@ -339,10 +334,8 @@ Run declare_ctl(CLI::App& app) {
   address->fallthrough();
   address->add_option("ADDRESS", flags->address, "address of the pages with its token")
       ->default_str("a line of standard input");
-  address->add_option("--seconds", flags->seconds, "then show again what was shown before")
-      ->type_name("SECONDS")
-      ->check(CLI::Range(0.1, 3600.0))
-      ->capture_default_str();
+  add_option(*address, "--seconds SECONDS", flags->seconds, "then show again what was shown before")
+      ->check(CLI::Range(0.1, 3600.0));
   return [flags, &app, address]() -> ExitCode {
     if (address->parsed())
       return show_address(socket_of(*flags),

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "display/kms/inspect.h"
@@ -126,12 +127,10 @@ ExitCode verdict_of(const nlohmann::json& outputs) {
 
 Run declare_doctor(CLI::App& app) {
   auto flags = std::make_shared<DoctorFlags>();
-  app.add_option("--display", flags->display, "kms[:CONNECTOR|:edid:MFG...|:/dev/dri/...]")
-      ->type_name("DISPLAY")
-      ->capture_default_str();
-  app.add_option("--bits", flags->bits, "bits per colour, as the rig states them (panel.bits)")
-      ->check(CLI::IsMember({optics::kUsualBits, optics::kDeepBits}))
-      ->capture_default_str();
+  add_option(app, "--display DISPLAY", flags->display,
+             "kms[:CONNECTOR|:edid:MFG...|:/dev/dri/...]");
+  add_option(app, "--bits", flags->bits, "bits per colour, as the rig states them (panel.bits)")
+      ->check(CLI::IsMember({optics::kUsualBits, optics::kDeepBits}));
   app.add_flag("--json", flags->json, "print everything as JSON");
   return [flags]() -> ExitCode {
     const nlohmann::json json = examine(*flags);

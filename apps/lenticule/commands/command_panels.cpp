@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/installation.h"
 #include "base/print.h"
@@ -104,8 +105,8 @@ void print_text(const nlohmann::json& json) {
 
 Run declare_panels(CLI::App& app) {
   auto flags = std::make_shared<PanelsFlags>();
-  app.add_option("--rigs", flags->rigs, "folder of the rigs that are matched with the panels")
-      ->type_name("FOLDER")
+  add_option(app, "--rigs FOLDER", flags->rigs,
+             "folder of the rigs that are matched with the panels")
       ->default_str(std::string("~/.config/lenticule and ") + kSystemFolder);
   app.add_flag("--json", flags->json, "print everything as JSON");
   return [flags]() -> ExitCode {

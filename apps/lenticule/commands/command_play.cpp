@@ -9,6 +9,7 @@
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "player/process/interrupt.h"
@@ -111,24 +112,20 @@ CLI::Option* declare_first_flags(CLI::App& app, PlayFlags& flags) {
       declare_rig_flag(app, flags.rig, "the rig that the frames are woven for")
           ->default_str(
               "that of the connected panel; on a virtual display the film's, or a sample");
-  app.add_option("--display", flags.display,
-                 "kms (a panel), kms:CONNECTOR, virtual, virtual:3840x2160@60, or window\n"
-                 "Also kms:edid:MFG[:PRODUCT[:SERIAL]], kms:/dev/dri/..., and "
-                 "virtual:3840x2160@59.94,jitter_us=500. A window shows what two eyes see of a "
-                 "virtual display, at the mouse.")
-      ->type_name("DISPLAY")
-      ->each([&flags](const std::string&) { flags.display_named = true; })
-      ->capture_default_str();
-  app.add_option("--fps", flags.fps, "content rate: 24, 59.94 or 24000/1001")
-      ->type_name("RATE")
+  add_option(app, "--display DISPLAY", flags.display,
+             "kms (a panel), kms:CONNECTOR, virtual, virtual:3840x2160@60, or window\n"
+             "Also kms:edid:MFG[:PRODUCT[:SERIAL]], kms:/dev/dri/..., and "
+             "virtual:3840x2160@59.94,jitter_us=500. A window shows what two eyes see of a "
+             "virtual display, at the mouse.")
+      ->each([&flags](const std::string&) { flags.display_named = true; });
+  add_option(app, "--fps RATE", flags.fps, "content rate: 24, 59.94 or 24000/1001")
       ->default_str("the source's");
-  app.add_option("--loop", flags.loop, "play so many times; a picture then stays 10 s each time")
-      ->type_name("N|forever")
+  add_option(app, "--loop N|forever", flags.loop,
+             "play so many times; a picture then stays 10 s each time")
       ->default_str("1, a picture until it is ended");
-  app.add_option("--frames", flags.frames, "play only frames A to B - 1 of a pattern")
-      ->type_name("A:B");
-  app.add_option("--duration", flags.duration_s, "stop then; without --loop, loop until then")
-      ->type_name("SECONDS")
+  add_option(app, "--frames A:B", flags.frames, "play only frames A to B - 1 of a pattern");
+  add_option(app, "--duration SECONDS", flags.duration_s,
+             "stop then; without --loop, loop until then")
       ->check(CLI::PositiveNumber);
   app.add_flag(
       "--trim", flags.trim,
@@ -137,115 +134,93 @@ CLI::Option* declare_first_flags(CLI::App& app, PlayFlags& flags) {
       "1e-5; with shift (or H J K L) ten times as much, with ctrl a tenth; escape undoes "
       "all changes. Saved in RIG.trim.toml. Views that are woven here follow at once; other "
       "frames must be rendered or woven again.");
-  app.add_option("--control", flags.control, "listen on this Unix socket for 'lenticule ctl'")
-      ->type_name("SOCKET");
-  app.add_option("--stats", flags.stats,
-                 "write statistics to this file, every second and at the end")
-      ->type_name("FILE");
+  add_option(app, "--control SOCKET", flags.control,
+             "listen on this Unix socket for 'lenticule ctl'");
+  add_option(app, "--stats FILE", flags.stats,
+             "write statistics to this file, every second and at the end");
   app.add_flag("--json", flags.json, "print the statistics as JSON at the end");
   return rig;
 }
 
 void declare_display_flags(CLI::App& app, PlayFlags& flags, CLI::Option* rig) {
   app.option_defaults()->group("Display");
-  app.add_option("--wall", flags.wall,
-                 "instead of --rig: the panels of a wall, on one graphics card\n"
-                 "FILM.lts then means FILM-PANEL.lts for each panel, and one commit changes all of "
-                 "them.")
-      ->type_name("WALL.toml")
+  add_option(app, "--wall WALL.toml", flags.wall,
+             "instead of --rig: the panels of a wall, on one graphics card\n"
+             "FILM.lts then means FILM-PANEL.lts for each panel, and one commit changes all of "
+             "them.")
       ->excludes(rig);
-  app.add_option("--clock", flags.clock,
-                 "clock of a virtual display; simulated: as fast as the source can")
-      ->check(CLI::IsMember({"real", "simulated"}))
-      ->capture_default_str();
-  app.add_option("--buffers", flags.buffers, "scan-out buffers")
-      ->check(CLI::Range(2, 16))
-      ->capture_default_str();
+  add_option(app, "--clock", flags.clock,
+             "clock of a virtual display; simulated: as fast as the source can")
+      ->check(CLI::IsMember({"real", "simulated"}));
+  add_option(app, "--buffers", flags.buffers, "scan-out buffers")->check(CLI::Range(2, 16));
   app.add_flag("--allow-inexact", flags.allow_inexact,
                "with kms: show frames even if subpixels are known to arrive changed\n"
                "'lenticule doctor' reports what changes them.");
-  app.add_option("--video-decoder", flags.video_decoder,
-                 "auto: decode videos of views in hardware where the machine can")
-      ->check(CLI::IsMember({"auto", "software"}))
-      ->capture_default_str();
+  add_option(app, "--video-decoder", flags.video_decoder,
+             "auto: decode videos of views in hardware where the machine can")
+      ->check(CLI::IsMember({"auto", "software"}));
 }
 
 void declare_sound_flags(CLI::App& app, PlayFlags& flags) {
   app.option_defaults()->group("Sound");
-  app.add_option("--sound", flags.sound,
-                 "file with the sound of SOURCE; none: play silently\n"
-                 "By default FILM.opus, .flac, .wav, .m4a, .mp3 or .ogg beside FILM.lts, else the "
-                 "sound of a video.")
-      ->type_name("FILE|none");
-  app.add_option("--sound-device", flags.sound_device,
-                 "auto: that of the panel's own connector; none; an ALSA device; or file:OUT.wav\n"
-                 "'aplay -L' lists the devices. With auto, films stay silent until there is one.")
-      ->type_name("DEVICE")
+  add_option(app, "--sound FILE|none", flags.sound,
+             "file with the sound of SOURCE; none: play silently\n"
+             "By default FILM.opus, .flac, .wav, .m4a, .mp3 or .ogg beside FILM.lts, else the "
+             "sound of a video.");
+  add_option(app, "--sound-device DEVICE", flags.sound_device,
+             "auto: that of the panel's own connector; none; an ALSA device; or file:OUT.wav\n"
+             "'aplay -L' lists the devices. With auto, films stay silent until there is one.")
       ->default_str("auto, on a virtual display none");
-  app.add_option("--sound-track", flags.sound_track,
-                 "language (de) or number of the stream, for films with several")
-      ->type_name("LANGUAGE|N");
-  app.add_option("--sound-delay", flags.sound_delay_ms,
-                 "play the sound so much later, as the panel shows its pictures later")
-      ->type_name("MS")
+  add_option(app, "--sound-track LANGUAGE|N", flags.sound_track,
+             "language (de) or number of the stream, for films with several");
+  add_option(app, "--sound-delay MS", flags.sound_delay_ms,
+             "play the sound so much later, as the panel shows its pictures later")
       ->check(CLI::Range(-500.0, 500.0));
-  app.add_option("--volume", flags.volume_db, "decibels; 0 leaves the sound as it is")
-      ->type_name("DB")
-      ->check(CLI::Range(player::kLeastVolumeDb, player::kMostVolumeDb))
-      ->capture_default_str();
+  add_option(app, "--volume DB", flags.volume_db, "decibels; 0 leaves the sound as it is")
+      ->check(CLI::Range(player::kLeastVolumeDb, player::kMostVolumeDb));
 }
 
 void declare_timing_flags(CLI::App& app, PlayFlags& flags) {
   app.option_defaults()->group("Timing");
-  app.add_option("--late", flags.late, "what to do about late frames")
-      ->type_name("slip|drop|hold")
-      ->capture_default_str();
-  app.add_option("--wait", flags.wait, "give up if no frame arrives for so long")
-      ->default_str("60; forever for files that repeat, with --control, and for a list")
-      ->type_name("SECONDS|forever");
+  add_option(app, "--late slip|drop|hold", flags.late, "what to do about late frames");
+  add_option(app, "--wait SECONDS|forever", flags.wait, "give up if no frame arrives for so long")
+      ->default_str("60; forever for files that repeat, with --control, and for a list");
   app.add_option("--prime", flags.prime,
                  "frames that must be ready before the first is shown\n"
                  "--wait limits the time. By default half of the slots, or what arrived within two "
                  "seconds.")
       ->check(CLI::Range(1, 1'000'000));
-  app.add_option("--slots", flags.slots, "frames kept ready in memory")
-      ->check(CLI::Range(2, 4096))
-      ->capture_default_str();
-  app.add_option("--memory", flags.memory_mib,
-                 "instead of --slots: memory for frames that are decoded ahead\n"
-                 "Shared by the current item, the next item and the one that ends.")
-      ->type_name("MIB")
+  add_option(app, "--slots", flags.slots, "frames kept ready in memory")
+      ->check(CLI::Range(2, 4096));
+  add_option(app, "--memory MIB", flags.memory_mib,
+             "instead of --slots: memory for frames that are decoded ahead\n"
+             "Shared by the current item, the next item and the one that ends.")
       ->check(CLI::Range(1, 1 << 20));
 }
 
 void declare_step_flags(CLI::App& app, PlayFlags& flags) {
   app.option_defaults()->group("Players in step");
-  app.add_option("--step", flags.step,
-                 "play in step with the other players of this group\n"
-                 "Each frame appears on all panels within one vblank (--late drop is implied). "
-                 "Example: lenticule play film.lts --rig wall-1.toml --display kms --loop forever "
-                 "--step wall --leader --step-address 192.168.1.20:7070 --step-key step.key; the "
-                 "others have --follow.")
-      ->type_name("GROUP");
+  add_option(app, "--step GROUP", flags.step,
+             "play in step with the other players of this group\n"
+             "Each frame appears on all panels within one vblank (--late drop is implied). "
+             "Example: lenticule play film.lts --rig wall-1.toml --display kms --loop forever "
+             "--step wall --leader --step-address 192.168.1.20:7070 --step-key step.key; the "
+             "others have --follow.");
   app.add_flag("--leader", flags.leader, "be the one player that states the times");
   app.add_flag("--follow", flags.follow, "follow the leader");
-  app.add_option("--step-address", flags.step_address,
-                 "the leader's address, or a Unix socket for players of one machine")
-      ->type_name("ADDRESS:PORT|PATH");
-  app.add_option("--step-key", flags.step_key,
-                 "32 or more random bytes, the same for the whole group\n"
-                 "Optional with a Unix socket.")
-      ->type_name("FILE");
+  add_option(app, "--step-address ADDRESS:PORT|PATH", flags.step_address,
+             "the leader's address, or a Unix socket for players of one machine");
+  add_option(app, "--step-key FILE", flags.step_key,
+             "32 or more random bytes, the same for the whole group\n"
+             "Optional with a Unix socket.");
 }
 
 void declare_control_flags(CLI::App& app, PlayFlags& flags) {
   app.option_defaults()->group("Control and statistics");
-  app.add_option("--control-group", flags.control_group,
-                 "members of this group may control the player, as well as its user and root")
-      ->type_name("GROUP");
-  app.add_option("--record", flags.record,
-                 "record the frames of a virtual display: checksums:FILE, times:FILE or png:FOLDER")
-      ->type_name("KIND:PATH");
+  add_option(app, "--control-group GROUP", flags.control_group,
+             "members of this group may control the player, as well as its user and root");
+  add_option(app, "--record KIND:PATH", flags.record,
+             "record the frames of a virtual display: checksums:FILE, times:FILE or png:FOLDER");
   app.add_option("--proof", flags.proof,
                  "where to write the proof of play for 'lenticule report'\n"
                  "An entry at the start and the end of each item.")
@@ -258,21 +233,19 @@ void declare_control_flags(CLI::App& app, PlayFlags& flags) {
 
 void declare_service_flags(CLI::App& app, PlayFlags& flags, CLI::Option* rig) {
   app.option_defaults()->group("Service");
-  app.add_option("--wait-for-panel", flags.wait_for_panel,
-                 "with kms: wait so long for a panel that is missing or was lost\n"
-                 "Another panel shows a test card meanwhile. By default forever as a service; "
-                 "otherwise 0 at the start and 10 after a loss.")
-      ->type_name("SECONDS|forever");
+  add_option(app, "--wait-for-panel SECONDS|forever", flags.wait_for_panel,
+             "with kms: wait so long for a panel that is missing or was lost\n"
+             "Another panel shows a test card meanwhile. By default forever as a service; "
+             "otherwise 0 at the start and 10 after a loss.");
   app.add_option("--on-exit", flags.on_exit,
                  "with kms: what to leave on the panel\n"
                  "restore: what was shown before; hold: the last frame, for the next player.")
       ->check(CLI::IsMember({"restore", "hold", "black"}))
       ->default_str("hold as a service, else restore");
-  app.add_option("--rig-store", flags.rig_store,
-                 "save trims and calibrations in this copy of the rig\n"
-                 "It is used until the file of --rig is edited.")
-      ->needs(rig)
-      ->type_name("FILE");
+  add_option(app, "--rig-store FILE", flags.rig_store,
+             "save trims and calibrations in this copy of the rig\n"
+             "It is used until the file of --rig is edited.")
+      ->needs(rig);
   app.add_flag(
       "--safe", flags.safe,
       "start in safe mode\n"

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "player/proof/content_hash.h"
@@ -71,28 +72,21 @@ ExitCode run_report(const ReportFlags& flags) {
 
 Run declare_report(CLI::App& app) {
   const auto flags = std::make_shared<ReportFlags>();
-  app.add_option("--since", flags->since,
-                 "leave out what began before: 2026-11-25, '2026-11-25 14:30', today, yesterday")
-      ->type_name("TIME");
-  app.add_option("--until", flags->until, "leave out what began at this time or later")
-      ->type_name("TIME");
-  app.add_option("--item", flags->item, "only items whose path or file name matches: 'wave*.lts'")
-      ->type_name("GLOB");
-  app.add_option("--unit", flags->place.unit,
-                 "only entries of this service, which other users cannot forge: "
-                 "lenticule-player@lobby")
-      ->type_name("UNIT");
-  CLI::Option* const folder = app.add_option("--directory", flags->place.folder,
-                                             "read this folder of journal files, of any machine")
-                                  ->type_name("FOLDER");
-  app.add_option("--file", flags->place.files, "read these journal files")
-      ->type_name("FILE")
-      ->excludes(folder);
+  add_option(app, "--since TIME", flags->since,
+             "leave out what began before: 2026-11-25, '2026-11-25 14:30', today, yesterday");
+  add_option(app, "--until TIME", flags->until, "leave out what began at this time or later");
+  add_option(app, "--item GLOB", flags->item,
+             "only items whose path or file name matches: 'wave*.lts'");
+  add_option(app, "--unit UNIT", flags->place.unit,
+             "only entries of this service, which other users cannot forge: "
+             "lenticule-player@lobby");
+  CLI::Option* const folder = add_option(app, "--directory FOLDER", flags->place.folder,
+                                         "read this folder of journal files, of any machine");
+  add_option(app, "--file FILE", flags->place.files, "read these journal files")->excludes(folder);
   CLI::Option* const csv = app.add_flag("--csv", flags->csv, "print comma-separated values");
   app.add_flag("--json", flags->json, "print everything as JSON")->excludes(csv);
-  app.add_option("--hash-of", flags->hash_of,
-                 "print only the hash that a report has for this file: to compare films")
-      ->type_name("FILE");
+  add_option(app, "--hash-of FILE", flags->hash_of,
+             "print only the hash that a report has for this file: to compare films");
   return [flags] { return run_report(*flags); };
 }
 
