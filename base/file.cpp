@@ -10,7 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/temporary.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
@@ -23,13 +23,13 @@ std::string reason(int error) {
 }
 
 [[noreturn]] void fail_write(const std::filesystem::path& file, int error) {
-  throw Error(ErrorKind::Failed, fmt::format("{}: cannot write: {}", file.string(), reason(error)),
-              error == ENOSPC || error == EDQUOT ? "free some space, or write somewhere else" : "");
+  throw failed_error("{}: cannot write: {}", file.string(), reason(error))
+      .remedy(error == ENOSPC || error == EDQUOT ? "free some space, or write somewhere else" : "");
 }
 
 [[noreturn]] void fail_read(const std::filesystem::path& file, const std::string& cause,
                             const std::string& remedy = {}) {
-  throw Error(ErrorKind::Input, fmt::format("{}: cannot read: {}", file.string(), cause), remedy);
+  throw input_error("{}: cannot read: {}", file.string(), cause).remedy(remedy);
 }
 
 [[noreturn]] void fail_read(const std::filesystem::path& file, int error) {

@@ -6,7 +6,7 @@
 
 #include <system_error>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule {
 
@@ -25,8 +25,8 @@ std::optional<fs::path> find_sibling_program(std::string_view name) {
 
 fs::path require_program(std::string_view object, std::string_view name, std::string_view package) {
   if (auto program = find_sibling_program(name)) return *std::move(program);
-  throw Error(ErrorKind::Failed, fmt::format("{}: {} is not installed", object, name),
-              fmt::format("install the package {}", package));
+  throw failed_error("{}: {} is not installed", object, name)
+      .remedy(fmt::format("install the package {}", package));
 }
 
 }  // namespace lenticule

@@ -13,7 +13,7 @@
 #include <cstring>
 #include <iterator>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule {
 namespace {
@@ -36,8 +36,7 @@ bool wait_for_standard_error() noexcept {
 }
 
 [[noreturn]] void cannot_write(int error) {
-  throw Error(ErrorKind::Failed, fmt::format("standard output: cannot write: {}",
-                                             std::strerror(error != 0 ? error : EIO)));
+  throw failed_error("standard output: cannot write: {}", std::strerror(error != 0 ? error : EIO));
 }
 
 }  // namespace

@@ -15,7 +15,7 @@
 #include <csignal>
 #include <cstring>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 extern char** environ;
 
@@ -104,8 +104,8 @@ bool drain(int fd, std::string& text) {
 Pipe make_pipe() {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0)
-    throw Error(ErrorKind::Failed, fmt::format("cannot create a pipe: {}", std::strerror(errno)),
-                "raise the limit of open files");
+    throw failed_error("cannot create a pipe: {}", std::strerror(errno))
+        .remedy("raise the limit of open files");
   return {UniqueFd(ends[0]), UniqueFd(ends[1])};
 }
 
@@ -117,8 +117,7 @@ Subprocess::Subprocess(const std::vector<std::string>& arguments,
   argv.push_back(nullptr);
   pid_t pid = -1;
   if (const int error = Spawn(passed).start(pid, argv.data()))
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: cannot start: {}", arguments[0], std::strerror(error)));
+    throw failed_error("{}: cannot start: {}", arguments[0], std::strerror(error));
   pid_ = pid;
 }
 

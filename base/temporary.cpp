@@ -15,7 +15,7 @@
 #include <string>
 #include <system_error>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 
 namespace lenticule {
@@ -172,8 +172,8 @@ int TemporaryFile::create_once() {
 
 void TemporaryFile::fail(int error) const {
   const std::string cause = error == kNotRegular ? "it is not a regular file" : reason(error);
-  throw Error(ErrorKind::Failed, fmt::format("{}: cannot write: {}", said_.string(), cause),
-              error == ENOSPC || error == EDQUOT ? "free some space, or write somewhere else" : "");
+  throw failed_error("{}: cannot write: {}", said_.string(), cause)
+      .remedy(error == ENOSPC || error == EDQUOT ? "free some space, or write somewhere else" : "");
 }
 
 int TemporaryFile::keep() {
@@ -199,12 +199,12 @@ TemporaryFolder::TemporaryFolder(const fs::path& parent) {
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     std::string name = (parent / fmt::format("{}{}", kFolderPrefix, kFolderEnd)).string();
     if (::mkdtemp(name.data()) == nullptr)
-      throw Error(ErrorKind::Failed, fmt::format("{}: cannot create: {}", name, reason(errno)));
+      throw failed_error("{}: cannot create: {}", name, reason(errno));
     path_ = name;
     lock_ = UniqueFd(::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (lock_ && hold(path_, lock_.get())) return;
   }
-  throw Error(ErrorKind::Failed, fmt::format("{}: cannot create a folder there", parent.string()));
+  throw failed_error("{}: cannot create a folder there", parent.string());
 }
 
 TemporaryFolder::~TemporaryFolder() {

@@ -7,15 +7,14 @@
 #include <cerrno>
 #include <cstring>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule {
 
 WakeFd::WakeFd(const char* owner) : fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
   if (!fd_)
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: cannot create an eventfd: {}", owner, std::strerror(errno)),
-                "raise the limit of open files");
+    throw failed_error("{}: cannot create an eventfd: {}", owner, std::strerror(errno))
+        .remedy("raise the limit of open files");
 }
 
 void WakeFd::signal() const noexcept {

@@ -16,7 +16,7 @@
 #include <ctime>
 #include <memory>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "display/display.h"
 #include "frames/rational.h"
@@ -54,9 +54,8 @@ class MonotonicClock final : public Clock {
  public:
   MonotonicClock() : timer_(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)) {
     if (!timer_)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("display clock: cannot create a timer: {}", std::strerror(errno)),
-                  "raise the limit of open files");
+      throw failed_error("display clock: cannot create a timer: {}", std::strerror(errno))
+          .remedy("raise the limit of open files");
   }
 
   [[nodiscard]] Nanoseconds now() const noexcept override {
@@ -134,9 +133,8 @@ class VblankTimeline {
   /// Throws Error(Usage) if a term of the refresh exceeds kMaxTerm.
   VblankTimeline(Nanoseconds origin, frames::Rate refresh) : origin_(origin), refresh_(refresh) {
     if (refresh.numerator > kMaxTerm || refresh.denominator > kMaxTerm)
-      throw Error(ErrorKind::Usage,
-                  fmt::format("refresh {}: too many digits", frames::to_string(refresh)),
-                  "write 60, 59.94 or 60000/1001");
+      throw usage_error("refresh {}: too many digits", frames::to_string(refresh))
+          .remedy("write 60, 59.94 or 60000/1001");
   }
 
   /// Limit of a refresh's terms, as large as any pixel clock in hertz.

@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/temporary.h"
 #include "base/unique_fd.h"
 #include "display/scanout_format.h"
@@ -28,8 +28,8 @@ namespace {
 namespace fs = std::filesystem;
 
 [[noreturn]] void fail(const fs::path& file, const std::string& cause) {
-  throw Error(ErrorKind::Failed, fmt::format("{}: cannot write: {}", file.string(), cause),
-              "record to a folder that exists, is writable and has free space");
+  throw failed_error("{}: cannot write: {}", file.string(), cause)
+      .remedy("record to a folder that exists, is writable and has free space");
 }
 
 std::string message_of(int error) {
@@ -249,8 +249,8 @@ std::shared_ptr<ScanoutRecorder> open_recorder(std::string_view spec) {
   if (!place.empty() && kind == "checksums") return std::make_shared<ChecksumRecorder>(place);
   if (!place.empty() && kind == "times") return std::make_shared<TimeRecorder>(place);
   if (!place.empty() && kind == "png") return std::make_shared<PngRecorder>(place);
-  throw Error(ErrorKind::Usage, fmt::format("recording '{}': not understood", spec),
-              "write checksums:FILE, times:FILE or png:FOLDER");
+  throw usage_error("recording '{}': not understood", spec)
+      .remedy("write checksums:FILE, times:FILE or png:FOLDER");
 }
 
 }  // namespace lenticule::display

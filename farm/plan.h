@@ -16,7 +16,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/text.h"
 #include "farm/sequence_joiner.h"
 #include "frames/sequence/band_codec.h"
@@ -144,8 +144,8 @@ inline void parse_inputs(const optics::JsonFields& fields, Plan& plan) {
   const nlohmann::json object = optics::parse_json(text, source);
   const optics::JsonFields fields(object, source);
   if (fields.whole("format", UINT64_MAX) != kPlanFormat)
-    throw Error(ErrorKind::Input, fmt::format("{}: another format of plans", source),
-                "use the version of lenticule that made the plan");
+    throw input_error("{}: another format of plans", source)
+        .remedy("use the version of lenticule that made the plan");
   const optics::JsonFields result(fields.need("result"), source);
   Plan plan;
   plan.program = result.text("program");
@@ -160,8 +160,8 @@ inline void parse_inputs(const optics::JsonFields& fields, Plan& plan) {
   plan.output = fields.text("output");
   plan.timing = parse_timing(optics::JsonFields(fields.need("timing"), source));
   if (plan.identity() != fields.text("identity"))
-    throw Error(ErrorKind::Input, fmt::format("{}: was changed after it was made", source),
-                "make it again with lenticule farm plan, in a new folder");
+    throw input_error("{}: was changed after it was made", source)
+        .remedy("make it again with lenticule farm plan, in a new folder");
   return plan;
 }
 

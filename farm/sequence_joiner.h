@@ -29,7 +29,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/temporary.h"
 #include "frames/frame.h"
@@ -71,7 +71,7 @@ class RunningDigest {
 };
 
 [[noreturn]] inline void refuse(const std::filesystem::path& file, const std::string& cause) {
-  throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), cause));
+  throw input_error("{}: {}", file.string(), cause);
 }
 
 /// Returns the 128-bit XXH3 of a file in 32 hexadecimal digits. Throws Error(Input).
@@ -347,8 +347,8 @@ class SequenceJoiner {
     if (part.first_bands.size() != bands_.size() || part.last_bands.size() != bands_.size())
       refuse(part.file, "digests of another number of bands");
     if (frame_count() + layout.frames.size() > frames::kMaxSequenceFrames)
-      throw Error(ErrorKind::Failed, fmt::format("{}: full: {} frames are the limit",
-                                                 film_.string(), frames::kMaxSequenceFrames));
+      throw failed_error("{}: full: {} frames are the limit", film_.string(),
+                         frames::kMaxSequenceFrames);
     reader.skip_to(layout.header.data_begin());
     for (uint64_t frame = 0; frame < layout.frames.size(); ++frame)
       append_frame(reader, frame, part);
@@ -415,11 +415,10 @@ class SequenceJoiner {
   }
   void write(std::span<const uint8_t> bytes) {
     if (!frames::write_at(file_.fd(), written_, bytes))
-      throw Error(
-          ErrorKind::Failed,
-          fmt::format("{}: cannot write: {}", film_.string(),
-                      std::generic_category().message(errno)),
-          errno == ENOSPC || errno == EDQUOT ? "free some space, or write somewhere else" : "");
+      throw failed_error("{}: cannot write: {}", film_.string(),
+                         std::generic_category().message(errno))
+          .remedy(errno == ENOSPC || errno == EDQUOT ? "free some space, or write somewhere else"
+                                                     : "");
     written_ += bytes.size();
     if (written_ - flushed_ < kFlush) return;
     // The disk begins now with what finish() waits for.

@@ -10,7 +10,7 @@
 #include <thread>
 #include <type_traits>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/json_output.h"
 #include "base/numbers.h"
@@ -129,13 +129,12 @@ void pause_of(const MergeOptions& options) {
 }
 
 [[noreturn]] void refuse_missing(const WorkFolder& folder, const std::vector<uint64_t>& missing) {
-  throw Error(
-      ErrorKind::Input,
-      fmt::format("{}: {} of {} chunks are missing: {}", folder.path().string(), missing.size(),
-                  folder.plan().chunks(), shortened(ranges_text(missing), 200)),
-      "run commands.txt again, which skips what is done, or call farm submit again; --partial "
-      "joins "
-      "the frames before the first missing chunk");
+  throw input_error("{}: {} of {} chunks are missing: {}", folder.path().string(), missing.size(),
+                    folder.plan().chunks(), shortened(ranges_text(missing), 200))
+      .remedy(
+          "run commands.txt again, which skips what is done, or call farm submit again; --partial "
+          "joins "
+          "the frames before the first missing chunk");
 }
 
 /// Waits for missing chunks. Returns those that stay missing.
@@ -154,10 +153,9 @@ std::vector<uint64_t> await_chunks(const WorkFolder& folder, const MergeOptions&
 void refuse_differing(const WorkFolder& folder, const ChunkReport& report) {
   const auto other = folder.differing_report(report.chunk);
   if (!other || other->digest == report.digest) return;
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: chunk {}: {} and {} rendered different bytes",
-                          folder.path().string(), report.chunk, report.node, other->node),
-              fmt::format("lenticule farm verify finds the node that is wrong; then remove the two "
+  throw input_error("{}: chunk {}: {} and {} rendered different bytes", folder.path().string(),
+                    report.chunk, report.node, other->node)
+      .remedy(fmt::format("lenticule farm verify finds the node that is wrong; then remove the two "
                           "reports of the chunk, {} among them, and render it again",
                           folder.report_file(report.chunk).string()));
 }
@@ -192,18 +190,17 @@ MergeResult merge_film(const WorkFolder& folder, const std::filesystem::path& fi
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::Input) throw;
       folder.forget(chunk);
-      throw Error(
-          ErrorKind::Input, fmt::format("chunk {}: {}", chunk, error.what()),
-          fmt::format("the chunk counts as missing now: run lenticule farm render {} {}, or "
-                      "call farm submit again",
-                      folder.path().string(), chunk));
+      throw input_error("chunk {}: {}", chunk, error.what())
+          .remedy(
+              fmt::format("the chunk counts as missing now: run lenticule farm render {} {}, or "
+                          "call farm submit again",
+                          folder.path().string(), chunk));
     }
     const uint64_t frames = folder.plan().chunk(chunk).end - folder.plan().begin;
     if (joiner.frame_count() != frames)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: has {} frames too few or too many", file.string(),
-                              frames > joiner.frame_count() ? frames - joiner.frame_count()
-                                                            : joiner.frame_count() - frames));
+      throw input_error("{}: has {} frames too few or too many", file.string(),
+                        frames > joiner.frame_count() ? frames - joiner.frame_count()
+                                                      : joiner.frame_count() - frames);
   }
   joiner.finish();
   result.frames = joiner.frame_count();

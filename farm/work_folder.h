@@ -30,7 +30,7 @@
 #include <system_error>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/json_output.h"
 #include "base/temporary.h"
@@ -137,9 +137,9 @@ inline Plan read_plan(const std::filesystem::path& folder, const FolderFiles& fi
   const std::filesystem::path file = folder / kPlanFile;
   const auto text = files.read(file);
   if (!text)
-    throw Error(
-        ErrorKind::Input, fmt::format("{}: has no plan", folder.string()),
-        "make one: lenticule farm plan SCENE --rig RIG --frames A:B -o FILM.lts --work DIR");
+    throw input_error("{}: has no plan", folder.string())
+        .remedy(
+            "make one: lenticule farm plan SCENE --rig RIG --frames A:B -o FILM.lts --work DIR");
   return parse_plan(*text, file.string());
 }
 
@@ -147,17 +147,14 @@ inline Plan read_plan(const std::filesystem::path& folder, const FolderFiles& fi
 inline void create_folders(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  if (error)
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: cannot create: {}", folder.string(), error.message()));
+  if (error) throw failed_error("{}: cannot create: {}", folder.string(), error.message());
 }
 
 /// Renames a file, which replaces `to`. Throws Error(Failed).
 inline void move_file(const std::filesystem::path& from, const std::filesystem::path& to) {
   if (std::rename(from.c_str(), to.c_str()) != 0)
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: cannot rename to {}: {}", from.string(), to.string(),
-                            std::generic_category().message(errno)));
+    throw failed_error("{}: cannot rename to {}: {}", from.string(), to.string(),
+                       std::generic_category().message(errno));
 }
 
 /// Thread safety: any thread.
@@ -178,9 +175,8 @@ class WorkFolder {
                      const std::string& program) {
     if (const auto there = plan_in(folder)) {
       if (there->identity() == plan.identity() && there->output == plan.output) return;
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: has the plan of another film", folder.string()),
-                  "use another folder, or remove this one");
+      throw input_error("{}: has the plan of another film", folder.string())
+          .remedy("use another folder, or remove this one");
     }
     const std::string commands = commands_text(plan, program, folder);
     for (const char* part : {"chunks", "reports", "predictors", "attempts", "failures"})

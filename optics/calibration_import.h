@@ -22,7 +22,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "optics/json_fields.h"
 #include "optics/rig.h"
 
@@ -157,8 +157,7 @@ inline void add_cells(const Panel& panel, nlohmann::json& out) {
 
 inline void refuse_what_cannot_be_said(const Rig& rig) {
   const auto refuse = [](const char* key, const char* cause) {
-    throw Error(ErrorKind::Input, fmt::format("visual.json: {}: {}", key, cause),
-                "the format cannot store it");
+    throw input_error("visual.json: {}: {}", key, cause).remedy("the format cannot store it");
   };
   if (!rig.panel.mounting.upright())
     refuse("panel.mounting", "a picture that is turned after weaving");
@@ -341,8 +340,7 @@ inline const nlohmann::json& cubevi_numbers(const nlohmann::json& document) {
 /// x 7 residual map, but not cells.
 [[nodiscard]] inline std::string export_cubevi(const Rig& rig) {
   const auto refuse = [](const char* key, const char* cause) {
-    throw Error(ErrorKind::Input, fmt::format("CubeVi values: {}: {}", key, cause),
-                "the format cannot store it");
+    throw input_error("CubeVi values: {}: {}", key, cause).remedy("the format cannot store it");
   };
   const Panel& panel = rig.panel;
   if (!panel.mounting.upright()) refuse("panel.mounting", "a picture that is turned after weaving");

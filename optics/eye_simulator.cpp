@@ -10,7 +10,7 @@
 #include <cmath>
 #include <limits>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::optics {
@@ -144,18 +144,15 @@ Look look_through(const OpticalModel& model, const Eye& eye, double x_px, double
 void check_eye(const Eye& eye) {
   const bool in_front = eye.z_mm > 0.0;  // true for infinity, false for NaN
   if (in_front && std::isfinite(eye.x) && std::isfinite(eye.y)) return;
-  throw Error(
-      ErrorKind::Input,
-      fmt::format("eye at {}, {}, {} mm: not in front of the panel", eye.x, eye.y, eye.z_mm),
-      "z is the distance from the panel, in millimetres, and must be greater than 0");
+  throw input_error("eye at {}, {}, {} mm: not in front of the panel", eye.x, eye.y, eye.z_mm)
+      .remedy("z is the distance from the panel, in millimetres, and must be greater than 0");
 }
 
 void check_frame(const Panel& panel, const RgbView& woven) {
   if (woven.width != panel.width_px || woven.height != panel.height_px) {
-    throw Error(ErrorKind::Input,
-                fmt::format("woven frame: {}x{} pixels, but the rig's panel has {}x{}", woven.width,
-                            woven.height, panel.width_px, panel.height_px),
-                "use the rig that the frame was woven for");
+    throw input_error("woven frame: {}x{} pixels, but the rig's panel has {}x{}", woven.width,
+                      woven.height, panel.width_px, panel.height_px)
+        .remedy("use the rig that the frame was woven for");
   }
   LENTICULE_CHECK(woven.pixels != nullptr &&
                   woven.stride_bytes >= 3 * static_cast<size_t>(woven.width));
@@ -163,9 +160,8 @@ void check_frame(const Panel& panel, const RgbView& woven) {
 
 int output_side(int requested, int panel_side) {
   if (requested < 0 || requested > kMaxPanelPixels) {
-    throw Error(ErrorKind::Usage,
-                fmt::format("eye picture: size {} pixels is out of range", requested),
-                fmt::format("use 1 to {}, or 0 for half the panel", kMaxPanelPixels));
+    throw usage_error("eye picture: size {} pixels is out of range", requested)
+        .remedy(fmt::format("use 1 to {}, or 0 for half the panel", kMaxPanelPixels));
   }
   return requested > 0 ? requested : (panel_side + 1) / 2;
 }

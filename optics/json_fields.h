@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/text.h"
 
 namespace lenticule::optics {
@@ -105,7 +105,7 @@ class JsonFields {
   }
 
   [[noreturn]] void fail(const std::string& key, const std::string& cause) const {
-    throw Error(ErrorKind::Input, fmt::format("{}: {}: {}", source_, key, cause), remedy_);
+    throw input_error("{}: {}: {}", source_, key, cause).remedy(remedy_);
   }
   [[nodiscard]] const std::string& source() const { return source_; }
 
@@ -142,10 +142,8 @@ inline constexpr size_t kMostTextBytes = 1024;
     throw Error(ErrorKind::Input, source + ": nested too deeply", remedy);
   } catch (const nlohmann::json::exception& error) {
     const std::string_view cause = error.what();  // begins with "[json.exception...] "
-    throw Error(
-        ErrorKind::Input,
-        fmt::format("{}: not JSON: {}", source, foreign_text(cause.substr(cause.find("] ") + 2))),
-        remedy);
+    throw input_error("{}: not JSON: {}", source, foreign_text(cause.substr(cause.find("] ") + 2)))
+        .remedy(remedy);
   }
 }
 

@@ -12,7 +12,7 @@
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule::optics {
 namespace {
@@ -312,11 +312,11 @@ LensSheet turned_sheet(const LensSheet& sheet, const Mounting& mounting) {
   double across = 1.0, down = sheet.slant;
   if (mounting.swapped) std::swap(across, down);
   if (std::abs(down) > kMaxSlant * std::abs(across))
-    throw Error(ErrorKind::Input,
-                fmt::format("mounting: a sheet of slant {} cannot be turned by 90 degrees: its "
-                            "lenses would lie across the viewer's eyes",
-                            sheet.slant),
-                "measure or write the rig as the panel is seen, and add panel.mounting to it");
+    throw input_error(
+        "mounting: a sheet of slant {} cannot be turned by 90 degrees: its "
+        "lenses would lie across the viewer's eyes",
+        sheet.slant)
+        .remedy("measure or write the rig as the panel is seen, and add panel.mounting to it");
   if (mounting.reversed_columns) across = -across;
   if (mounting.reversed_rows) down = -down;
   const double sign = across < 0.0 ? -1.0 : 1.0;

@@ -16,7 +16,7 @@
 #include <system_error>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "optics/toml.h"
 #include "optics/trim.h"
@@ -185,10 +185,9 @@ Rig parse_rig(std::string_view text, const std::string& source) {
   const toml::table root = parse_toml(text, source);
   const Rig rig = read_rig(TomlSection(root, {}, source));
   if (const auto problem = find_problem(rig)) {
-    throw Error(ErrorKind::Input,
-                fmt::format("{}:{}: {}: {}", source, line_of(root, problem->key), problem->key,
-                            problem->cause),
-                problem->remedy);
+    throw input_error("{}:{}: {}: {}", source, line_of(root, problem->key), problem->key,
+                      problem->cause)
+        .remedy(problem->remedy);
   }
   return rig;
 }
@@ -367,8 +366,8 @@ fs::path copy_beside(const fs::path& file) {
     const int error = rename_to_new(working, copy);
     if (error == 0) return copy;
     if (error != EEXIST)
-      throw Error(ErrorKind::Failed, fmt::format("{}: cannot copy the old rig: {}", copy.string(),
-                                                 std::generic_category().message(error)));
+      throw failed_error("{}: cannot copy the old rig: {}", copy.string(),
+                         std::generic_category().message(error));
   }
   throw Error(ErrorKind::Failed, file.string() + ": no free number for a copy of the old rig",
               "move its old copies to another folder");
@@ -381,7 +380,7 @@ fs::path save_with_history(const Rig& rig, const fs::path& file) {
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
   if (!std::filesystem::status_known(status))
-    throw Error(ErrorKind::Failed, fmt::format("{}: {}", file.string(), error.message()));
+    throw failed_error("{}: {}", file.string(), error.message());
   if (!std::filesystem::exists(status)) {
     save_rig(rig, file);
     return {};

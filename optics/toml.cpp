@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/toml.h"
 
+#include "base/error_kinds.h"
+
 namespace lenticule::optics {
 namespace {
 
@@ -58,7 +60,7 @@ class Scanner {
 
 [[noreturn]] void fail(const std::string& source, int line, std::string_view cause,
                        const char* remedy) {
-  throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", source, std::max(line, 1), cause), remedy);
+  throw input_error("{}:{}: {}", source, std::max(line, 1), cause).remedy(remedy);
 }
 
 }  // namespace

@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/text.h"
 
 namespace lenticule::optics {
@@ -143,8 +143,7 @@ class TomlSection {
  private:
   [[noreturn]] void fail(toml::source_index line, const std::string& cause,
                          const std::string& remedy) const {
-    throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", source_, std::max(line, 1u), cause),
-                remedy);
+    throw input_error("{}:{}: {}", source_, std::max(line, 1u), cause).remedy(remedy);
   }
   [[noreturn]] void fail(toml::source_index line, const std::string& cause) const {
     fail(line, cause, {});

@@ -7,7 +7,7 @@
 #include <locale>
 #include <sstream>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "optics/rig_file.h"
 #include "optics/toml.h"
@@ -29,15 +29,12 @@ bool within_limits(const Trim& trim) {
 
 void validate_trim(const Trim& trim, const std::string& context) {
   if (!(std::abs(trim.offset.value) <= kMaxTrimOffsetLenses))
-    throw Error(
-        ErrorKind::Input,
-        fmt::format("{}: offset_lenses: {} is more than a lens", context, trim.offset.value),
-        "that is more than a drift: calibrate again");
+    throw input_error("{}: offset_lenses: {} is more than a lens", context, trim.offset.value)
+        .remedy("that is more than a drift: calibrate again");
   if (!(std::abs(trim.pitch_relative) <= kMaxTrimPitch))
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: pitch_relative: {} is more than {}", context, trim.pitch_relative,
-                            kMaxTrimPitch),
-                "that is more than a drift: calibrate again");
+    throw input_error("{}: pitch_relative: {} is more than {}", context, trim.pitch_relative,
+                      kMaxTrimPitch)
+        .remedy("that is more than a drift: calibrate again");
 }
 
 Trim changed_by(const Trim& trim, double offset_lenses, double pitch_relative) {
@@ -93,9 +90,7 @@ void save_trim(const Trim& trim, const std::filesystem::path& rig_file) {
                           trim.pitch_relative));
   std::error_code error;
   std::filesystem::remove(file, error);
-  if (error)
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: cannot remove: {}", file.string(), error.message()));
+  if (error) throw failed_error("{}: cannot remove: {}", file.string(), error.message());
 }
 
 RigIdentity identity_of(const Rig& calibrated, const Trim& trim) {

@@ -17,7 +17,7 @@
 #include "apps/lenticule-video/pixel_convert.h"
 #include "apps/lenticule-video/stream_pixels.h"
 #include "apps/lenticule-video/subcommands.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "frames/rational.h"
 #include "frames/ring/ring_layout.h"
 
@@ -42,7 +42,7 @@ AVPixelFormat encoder_format(const AVCodec& encoder) {
   const std::span<const AVPixelFormat> formats = encoder_formats(encoder);
   for (const AVPixelFormat wanted : {AV_PIX_FMT_GBRP, AV_PIX_FMT_BGR0, AV_PIX_FMT_RGB24})
     if (std::ranges::find(formats, wanted) != formats.end()) return wanted;
-  throw Error(ErrorKind::Failed, fmt::format("encoder {}: does not take RGB", encoder.name));
+  throw failed_error("encoder {}: does not take RGB", encoder.name);
 }
 
 /// Reads all of `bytes` from standard input; returns false at its end. Throws if the input ends

@@ -16,7 +16,7 @@
 #include "apps/lenticule-web/api/metrics.h"
 #include "apps/lenticule-web/api/web_site.h"
 #include "apps/lenticule-web/http/server.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/installation.h"
 #include "base/main_function.h"
@@ -189,8 +189,7 @@ void print_address(const Flags& flags, const Token& token) {
 int add(const Flags& flags) {
   const auto rights = rights_named(flags.rights);
   if (!rights)
-    throw Error(ErrorKind::Usage, fmt::format("--rights '{}': unknown", flags.rights),
-                "expected see or change");
+    throw usage_error("--rights '{}': unknown", flags.rights).remedy("expected see or change");
   print_address(flags, add_token(state_folder(flags) / "tokens.json", flags.token_name, *rights));
   return kOk;
 }

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "apps/lenticule-window/eye_pictures.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/main_function.h"
 #include "frames/ring/shared_picture.h"
 #include "optics/trim.h"
@@ -31,8 +31,8 @@ struct Flags {
 };
 
 [[noreturn]] void fail(const char* what, const std::string& why = SDL_GetError()) {
-  throw Error(ErrorKind::Device, fmt::format("window: cannot {}: {}", what, why),
-              "run this in a desktop session, with DISPLAY or WAYLAND_DISPLAY set");
+  throw device_error("window: cannot {}: {}", what, why)
+      .remedy("run this in a desktop session, with DISPLAY or WAYLAND_DISPLAY set");
 }
 
 struct SdlSession {

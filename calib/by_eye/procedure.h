@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/terminal_keys.h"
 #include "calib/by_eye/questions.h"
 #include "frames/charts/charts.h"
@@ -289,9 +289,8 @@ class Procedure {
     const bool finite = std::isfinite(distance_mm) && distance_mm > 0.0;
     const auto problem = optics::find_problem(rig_seen_from(rig, finite ? distance_mm : -1.0));
     if (problem)
-      throw Error(ErrorKind::Usage,
-                  fmt::format("distance {} mm: {}: {}", distance_mm, problem->key, problem->cause),
-                  "give the distance from the panel to the eye in millimetres");
+      throw usage_error("distance {} mm: {}: {}", distance_mm, problem->key, problem->cause)
+          .remedy("give the distance from the panel to the eye in millimetres");
     return {rig, distance_mm};
   }
 

@@ -9,7 +9,7 @@
 #include <tuple>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "frames/capture/capture_stream.h"
 
 namespace lenticule::calib {
@@ -32,12 +32,11 @@ void check_options(const V4l2Options& options) {
         {"height", options.height, 0.0, 16384.0},
         {"number of skipped pictures", options.skipped_pictures, 0.0, 1000.0}})
     if (!(value >= low && value <= high))
-      throw Error(ErrorKind::Usage, fmt::format("camera: {}: {} is out of range", name, value),
-                  fmt::format("use {} to {}", low, high));
+      throw usage_error("camera: {}: {} is out of range", name, value)
+          .remedy(fmt::format("use {} to {}", low, high));
   if (!options.pixel_format.empty() && layout_named(options.pixel_format) == nullptr)
-    throw Error(ErrorKind::Usage,
-                fmt::format("camera: pixel format '{}' is not known", options.pixel_format),
-                "YUYV, NV12, RGB3, MJPG, ... as 'lenticule calibrate camera --list' shows them");
+    throw usage_error("camera: pixel format '{}' is not known", options.pixel_format)
+        .remedy("YUYV, NV12, RGB3, MJPG, ... as 'lenticule calibrate camera --list' shows them");
 }
 
 class V4l2Camera final : public Camera {

@@ -12,7 +12,7 @@
 #include <span>
 #include <string>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "calib/camera.h"
 #include "calib/measure/frame_marks.h"
 #include "calib/measure/pattern.h"
@@ -64,10 +64,9 @@ class PatternCapture {
         progress_(std::move(progress)) {
     const frames::FrameGeometry wanted = sink.geometry();
     if (wanted.width != panel.width_px || wanted.height != panel.height_px)
-      throw Error(ErrorKind::Input,
-                  fmt::format("display: has {} x {} pixels, but the rig's panel has {} x {}",
-                              wanted.width, wanted.height, panel.width_px, panel.height_px),
-                  "run the panel at its own resolution");
+      throw input_error("display: has {} x {} pixels, but the rig's panel has {} x {}",
+                        wanted.width, wanted.height, panel.width_px, panel.height_px)
+          .remedy("run the panel at its own resolution");
   }
 
   /// Shows each pattern and passes the mean of its pictures to `take`, in order. Each pattern is
@@ -179,16 +178,14 @@ class PatternCapture {
           continue;
         case GrabStatus::TimedOut:
           if (++silences < kMostSilences) continue;
-          throw Error(ErrorKind::Device,
-                      fmt::format("camera: no picture for {} s",
-                                  kMostSilences * std::chrono::duration<double>(timeout).count()),
-                      "check whether another program uses it");
+          throw device_error("camera: no picture for {} s",
+                             kMostSilences * std::chrono::duration<double>(timeout).count())
+              .remedy("check whether another program uses it");
         case GrabStatus::Gone:
           if (!options_.clocked)
-            throw Error(ErrorKind::Input,
-                        fmt::format("{}, and that of pattern {} of {} is missing",
-                                    camera_.failure(), moves_.size() + 1, options_.patterns),
-                        "photograph this place again, every pattern once and in their order");
+            throw input_error("{}, and that of pattern {} of {} is missing", camera_.failure(),
+                              moves_.size() + 1, options_.patterns)
+                .remedy("photograph this place again, every pattern once and in their order");
           throw Error(ErrorKind::Device, "camera: " + camera_.failure(),
                       "nothing was written; connect the camera again and start over");
       }
@@ -240,8 +237,8 @@ class PatternCapture {
                                  options_.patterns)
                    : fmt::format("the photographs of patterns {} to {} of {} are missing",
                                  first + 1, first + count, options_.patterns);
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", options_.place, which),
-                "photograph this place again, every pattern once and in their order");
+    throw input_error("{}: {}", options_.place, which)
+        .remedy("photograph this place again, every pattern once and in their order");
   }
   void fail_dropped(const Pattern& pattern, Fit last) const {
     if (!options_.clocked) return fail_photograph(last);
@@ -249,21 +246,19 @@ class PatternCapture {
       throw Error(ErrorKind::Device, "camera: the marks in the panel's middle are no longer seen",
                   "check whether the camera moved, or something hides the panel");
     if (camera_moved())
-      throw Error(ErrorKind::Device,
-                  fmt::format("camera: it moved between pattern {} and {}", moves_.size(),
-                              moves_.size() + 1),
-                  "put it on a stand, and measure this place again");
+      throw device_error("camera: it moved between pattern {} and {}", moves_.size(),
+                         moves_.size() + 1)
+          .remedy("put it on a stand, and measure this place again");
     if (last == Fit::Unsettled)
       throw Error(ErrorKind::Device, "camera: every picture shows the panel between two patterns",
                   "the exposure may be too long, or a program changes the panel's brightness");
-    throw Error(ErrorKind::Device,
-                fmt::format("camera: never sees pattern number {}", pattern.mark),
-                "pictures may come late (a larger --settle-ms), or out of order");
+    throw device_error("camera: never sees pattern number {}", pattern.mark)
+        .remedy("pictures may come late (a larger --settle-ms), or out of order");
   }
   void fail_photograph(Fit last) const {
     const size_t picture = moves_.size();
     const auto fail = [&](const std::string& cause, const char* remedy) {
-      throw Error(ErrorKind::Quality, fmt::format("{}: {}", options_.place, cause), remedy);
+      throw quality_error("{}: {}", options_.place, cause).remedy(remedy);
     };
     if (last == Fit::Lost)
       fail(moved_between(picture) + ", or something hides the panel's middle",

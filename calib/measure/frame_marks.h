@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/statistics.h"
 #include "calib/measure/pattern.h"
 #include "optics/vec.h"
@@ -289,16 +289,16 @@ inline void check_codes(const RigCodeReadings& codes, const RigCode& expected,
       "use the rig that these patterns were written for as --rig, or write patterns for this one "
       "and photograph them";
   if (const std::optional<std::string> other = codes.fingerprint())
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: the photographs show patterns for the rig with fingerprint {}, "
-                            "not for {}",
-                            place, *other, expected.fingerprint()),
-                remedy);
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: photograph {} shows a pattern for another rig than the one with "
-                          "fingerprint {}",
-                          place, *foreign + 1, expected.fingerprint()),
-              remedy);
+    throw input_error(
+        "{}: the photographs show patterns for the rig with fingerprint {}, "
+        "not for {}",
+        place, *other, expected.fingerprint())
+        .remedy(remedy);
+  throw input_error(
+      "{}: photograph {} shows a pattern for another rig than the one with "
+      "fingerprint {}",
+      place, *foreign + 1, expected.fingerprint())
+      .remedy(remedy);
 }
 
 // Finds out from the marks whether camera or panel moved between two pictures of one place.

@@ -15,7 +15,7 @@
 #include <system_error>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/text.h"
 #include "calib/camera.h"
@@ -210,15 +210,16 @@ inline void check_manifest(const PatternManifest& manifest, const optics::Rig& r
                            const std::filesystem::path& folder) {
   const PatternManifest wanted = manifest_of(rig, 0);
   if (manifest.fingerprint == wanted.fingerprint) return;
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: these patterns were written for the rig \"{}\" (fingerprint {}, "
-                          "pitch {:.5f}, slant {:.5f}), not for \"{}\" ({}, pitch {:.5f}, slant "
-                          "{:.5f})",
-                          (folder / kPatternManifest).string(), manifest.rig_name,
-                          manifest.fingerprint, manifest.pitch_subpx, manifest.slant, rig.name,
-                          wanted.fingerprint, wanted.pitch_subpx, wanted.slant),
-              "use the rig that the patterns were written for as --rig, or write patterns for this "
-              "one and photograph them");
+  throw input_error(
+      "{}: these patterns were written for the rig \"{}\" (fingerprint {}, "
+      "pitch {:.5f}, slant {:.5f}), not for \"{}\" ({}, pitch {:.5f}, slant "
+      "{:.5f})",
+      (folder / kPatternManifest).string(), manifest.rig_name, manifest.fingerprint,
+      manifest.pitch_subpx, manifest.slant, rig.name, wanted.fingerprint, wanted.pitch_subpx,
+      wanted.slant)
+      .remedy(
+          "use the rig that the patterns were written for as --rig, or write patterns for this "
+          "one and photograph them");
 }
 
 }  // namespace lenticule::calib

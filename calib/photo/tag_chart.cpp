@@ -19,7 +19,7 @@
 #include <optional>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/statistics.h"
 #include "calib/calibration.h"
 #include "frames/srgb.h"
@@ -76,11 +76,10 @@ std::vector<ChartTag> place_tags(const optics::Rig& rig) {
   const double cell = std::min(wanted, most_cell_px(rig.panel, five)), size = kTagCells * cell;
   const double width = rig.panel.width_px, height = rig.panel.height_px;
   if (!has_room_for_tags(rig))
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {} x {} pixels are too few for five tags of {:.0f} pixels",
-                            rig.name.empty() ? "rig" : rig.name, width, height,
-                            kTagCells * least_cell_px(rig, kLeastPitchesPerCellOfFive)),
-                "calibrate with photographs of all patterns, which need no tags");
+    throw input_error("{}: {} x {} pixels are too few for five tags of {:.0f} pixels",
+                      rig.name.empty() ? "rig" : rig.name, width, height,
+                      kTagCells * least_cell_px(rig, kLeastPitchesPerCellOfFive))
+        .remedy("calibrate with photographs of all patterns, which need no tags");
   constexpr double kInsetX = 0.05, kInsetY = 0.075;
   const double left = std::max(cell, kInsetX * width), top = std::max(cell, kInsetY * height);
   std::vector<ChartTag> tags;

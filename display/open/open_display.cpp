@@ -5,7 +5,7 @@
 
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "display/kms/probe/output_request.h"
 #include "display/scanout_format.h"
@@ -17,8 +17,8 @@ namespace {
 constexpr int64_t kMaxJitterUs = 10'000'000;
 
 [[noreturn]] void reject(std::string_view spec) {
-  throw Error(ErrorKind::Usage, fmt::format("display '{}': not understood", spec),
-              "write virtual, virtual:3840x2160@60, kms or kms:CONNECTOR");
+  throw usage_error("display '{}': not understood", spec)
+      .remedy("write virtual, virtual:3840x2160@60, kms or kms:CONNECTOR");
 }
 
 bool parse_mode(std::string_view mode, VirtualSpec& out) {
@@ -54,11 +54,9 @@ std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
     geometry.height = spec.height;
   }
   if (geometry != panel)
-    throw Error(
-        ErrorKind::Input,
-        fmt::format("display '{}': {}x{} pixels, but the rig's panel has {}x{}", request.spec,
-                    geometry.width, geometry.height, panel.width, panel.height),
-        "woven frames fit one panel, pixel for pixel: use the rig of this display");
+    throw input_error("display '{}': {}x{} pixels, but the rig's panel has {}x{}", request.spec,
+                      geometry.width, geometry.height, panel.width, panel.height)
+        .remedy("woven frames fit one panel, pixel for pixel: use the rig of this display");
   std::vector<ScanoutPart> parts;
   for (const OutputPart& part : request.parts) parts.push_back(part.place);
   return open_virtual_display(
@@ -116,9 +114,8 @@ KmsOptions kms_options_of(const DisplayRequest& request) {
   options.mounting = request.mounting;
   options.buffers = request.buffers;
   if (request.recorder)
-    throw Error(ErrorKind::Usage,
-                fmt::format("display '{}': cannot record displayed frames", request.spec),
-                "record with --display virtual");
+    throw usage_error("display '{}': cannot record displayed frames", request.spec)
+        .remedy("record with --display virtual");
   return options;
 }
 

@@ -19,7 +19,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/large_memory.h"
 #include "display/clock.h"
 #include "display/display.h"
@@ -239,27 +239,24 @@ inline void check_options(const VirtualDisplayOptions& options) {
   const auto& geometry = options.geometry;
   const auto sane = [](int side) { return side >= 1 && side <= kMaxPixels; };
   if (!sane(geometry.width) || !sane(geometry.height))
-    throw Error(
-        ErrorKind::Usage,
-        fmt::format("virtual display {}x{}: size out of range", geometry.width, geometry.height),
-        fmt::format("each side has 1 to {} pixels", kMaxPixels));
+    throw usage_error("virtual display {}x{}: size out of range", geometry.width, geometry.height)
+        .remedy(fmt::format("each side has 1 to {} pixels", kMaxPixels));
   if (geometry.format != frames::PixelFormat::Rgb8)
     throw Error(ErrorKind::Usage, "virtual display: only 8-bit RGB frames can be shown");
   if (options.buffers < kMinBuffers || options.buffers > kMaxBuffers)
-    throw Error(ErrorKind::Usage,
-                fmt::format("virtual display: {} scan-out buffers", options.buffers),
-                fmt::format("use {} to {}", kMinBuffers, kMaxBuffers));
+    throw usage_error("virtual display: {} scan-out buffers", options.buffers)
+        .remedy(fmt::format("use {} to {}", kMinBuffers, kMaxBuffers));
 }
 
 inline void check_memory(const VirtualDisplayOptions& options, int buffers) {
   const uint64_t wanted = VirtualBuffer::bytes(options.geometry) * static_cast<uint64_t>(buffers);
   const uint64_t available = available_memory();
   if (available > 0 && wanted > available / 2)
-    throw Error(ErrorKind::Failed,
-                fmt::format("virtual display: {} buffers need {} MiB, more than half of the {} MiB "
-                            "that are free",
-                            buffers, wanted >> 20, available >> 20),
-                "use a smaller panel or fewer buffers");
+    throw failed_error(
+        "virtual display: {} buffers need {} MiB, more than half of the {} MiB "
+        "that are free",
+        buffers, wanted >> 20, available >> 20)
+        .remedy("use a smaller panel or fewer buffers");
 }
 
 /// Returns the number of buffers for recording: more for small panels, whose frames need less

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "optics/rig_file.h"
 #include "optics/toml.h"
@@ -90,8 +90,8 @@ const PlacedPanel& PlacedWall::panel(const std::string& name) const {
   if (found != panels.end()) return *found;
   std::vector<std::string> names;
   for (const PlacedPanel& panel : panels) names.push_back(panel.name);
-  throw Error(ErrorKind::Usage, fmt::format("the wall has no panel '{}'", name),
-              fmt::format("its panels are: {}", fmt::join(names, ", ")));
+  throw usage_error("the wall has no panel '{}'", name)
+      .remedy(fmt::format("its panels are: {}", fmt::join(names, ", ")));
 }
 
 PlacedWall load_wall(const std::filesystem::path& file) {

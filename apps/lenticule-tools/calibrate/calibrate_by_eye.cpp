@@ -17,7 +17,7 @@
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule/cli/content_flags.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/print.h"
 #include "calib/by_eye/procedure.h"
 #include "calib/report/report.h"
@@ -91,8 +91,8 @@ display::DisplayRequest display_request(const ByEyeFlags& flags, const optics::R
 double distance_of(const ByEyeFlags& flags, const optics::Rig& rig) {
   const double distance = flags.distance_mm.value_or(rig.viewing.distance.value);
   if (std::isinf(distance))
-    throw Error(ErrorKind::Usage, fmt::format("{}: has no viewing distance", flags.rig),
-                "give the distance from the panel to the eye: --distance 700");
+    throw usage_error("{}: has no viewing distance", flags.rig)
+        .remedy("give the distance from the panel to the eye: --distance 700");
   return distance;
 }
 
@@ -126,9 +126,8 @@ std::string save_keeping_old(const optics::Rig& rig, const fs::path& file) {
 void check_folder_of(const fs::path& file) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
   if (access(folder.c_str(), W_OK | X_OK) == 0) return;
-  throw Error(ErrorKind::Failed,
-              fmt::format("{}: cannot write: {}", file.string(), std::strerror(errno)),
-              "use an existing folder that you may write to");
+  throw failed_error("{}: cannot write: {}", file.string(), std::strerror(errno))
+      .remedy("use an existing folder that you may write to");
 }
 
 class ByEyeRun {
@@ -183,8 +182,8 @@ class ByEyeRun {
       case frames::ShowResult::Shown:
         return;
       case frames::ShowResult::TimedOut:
-        throw Error(ErrorKind::Device, fmt::format("{}: displays nothing", display_->mode().name),
-                    "check whether another program has the display or the panel is asleep");
+        throw device_error("{}: displays nothing", display_->mode().name)
+            .remedy("check whether another program has the display or the panel is asleep");
       case frames::ShowResult::Lost:
         throw lost();
     }

@@ -19,7 +19,7 @@
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
 #include "apps/lenticule/cli/content_flags.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/print.h"
 #include "calib/fit/calibrate.h"
 #include "calib/photo/photo_folder.h"
@@ -160,12 +160,13 @@ void require_known_rig(calib::ViewpointMeasurement& measured, bool manifest_agre
                        const std::string& folder) {
   if (measured.rig_code_read) return;
   if (!manifest_agrees)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: unknown for which rig these patterns were written: no code is "
-                            "readable beside the marks, and there is no {}",
-                            folder, calib::kPatternManifest),
-                "give the folder that --write-patterns wrote as --patterns; without a manifest, "
-                "write the patterns and photograph them again");
+    throw input_error(
+        "{}: unknown for which rig these patterns were written: no code is "
+        "readable beside the marks, and there is no {}",
+        folder, calib::kPatternManifest)
+        .remedy(
+            "give the folder that --write-patterns wrote as --patterns; without a manifest, "
+            "write the patterns and photograph them again");
   measured.warnings.emplace_back(
       "no code is readable beside the marks: only the manifest states that the patterns belong to "
       "this rig");

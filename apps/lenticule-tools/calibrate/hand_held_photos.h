@@ -29,7 +29,7 @@
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/temporary.h"
 #include "base/text.h"
@@ -300,8 +300,7 @@ inline void write_photo_pack(const PhotoPack& pack, const std::filesystem::path&
     run_tar(work.path(), made);
     std::filesystem::rename(made, archive);
   } catch (const std::filesystem::filesystem_error& error) {
-    throw Error(ErrorKind::Failed, fmt::format("{}: cannot be packed: {}", error.path1().string(),
-                                               error.code().message()));
+    throw failed_error("{}: cannot be packed: {}", error.path1().string(), error.code().message());
   }
 }
 }  // namespace lenticule::tools

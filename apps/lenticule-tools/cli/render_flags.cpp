@@ -7,7 +7,7 @@
 
 #include "apps/lenticule/cli/content_flags.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "player/process/rig_choice.h"
 #include "player/sources/source_spec.h"
@@ -23,8 +23,8 @@ void take_turn(const std::string& text, StagingFlags& flags) {
   auto ends = numbers_from<double, 2>(text, ':');
   if (const auto angle = number_from<double>(text)) ends = {*angle, *angle};
   if (!ends)
-    throw Error(ErrorKind::Usage, fmt::format("--turn '{}': not an angle in degrees", text),
-                "for example --turn 30, or --turn 0:360 --frames 0:48 for one rotation");
+    throw usage_error("--turn '{}': not an angle in degrees", text)
+        .remedy("for example --turn 30, or --turn 0:360 --frames 0:48 for one rotation");
   flags.stage.turn_degrees = (*ends)[0];
   flags.turned_by_degrees = (*ends)[1] - (*ends)[0];
 }
@@ -143,10 +143,9 @@ struct Given {
 /// Refuses flags that would have no effect.
 void refuse_idle_flags(const RenderFlags& flags, const Given& given) {
   if ((given.error || given.psnr) && flags.method != "adaptive")
-    throw Error(ErrorKind::Usage,
-                fmt::format("--{}: method {} tolerates no error", given.error ? "error" : "psnr",
-                            flags.method),
-                "--method adaptive does");
+    throw usage_error("--{}: method {} tolerates no error", given.error ? "error" : "psnr",
+                      flags.method)
+        .remedy("--method adaptive does");
   if (given.prefilter_samples && flags.options.prefilter == render::Prefilter::Off)
     throw Error(ErrorKind::Usage, "--prefilter-samples: nothing is averaged without --prefilter",
                 "for example --prefilter beam");

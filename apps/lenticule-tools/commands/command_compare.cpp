@@ -18,7 +18,7 @@
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/print.h"
 #include "base/text.h"
@@ -47,10 +47,9 @@ std::vector<PicturePair> pairs_by_number(const std::string& reference_text,
   const std::vector<uint64_t> numbers = reference.existing_or_throw();
   const std::vector<uint64_t> others = test.existing();
   if (others.size() > numbers.size())
-    throw Error(
-        ErrorKind::Input,
-        fmt::format("{}: {} files, the reference has {}", test_text, others.size(), numbers.size()),
-        "remove those that have no counterpart");
+    throw input_error("{}: {} files, the reference has {}", test_text, others.size(),
+                      numbers.size())
+        .remedy("remove those that have no counterpart");
   std::vector<PicturePair> pairs;
   for (const uint64_t number : numbers)
     pairs.push_back({reference.path(number), test.path(number)});
@@ -68,10 +67,10 @@ std::vector<std::string> picture_names(const std::filesystem::path& folder) {
         frames::format_of_extension(extension) != frames::ImageFormat::Unknown)
       names.push_back(name);
   }
-  if (error) throw Error(ErrorKind::Input, fmt::format("{}: {}", folder.string(), error.message()));
+  if (error) throw input_error("{}: {}", folder.string(), error.message());
   if (names.empty())
-    throw Error(ErrorKind::Input, fmt::format("{}: no pictures", folder.string()),
-                "name a folder of PNG, TIFF, EXR or PPM files");
+    throw input_error("{}: no pictures", folder.string())
+        .remedy("name a folder of PNG, TIFF, EXR or PPM files");
   return names;
 }
 
@@ -84,8 +83,8 @@ std::vector<PicturePair> pairs_by_name(const std::filesystem::path& reference,
     const bool in_test =
         other == others.end() || (name != names.end() && NaturalOrder()(*name, *other));
     const std::filesystem::path missing = in_test ? test / *name : reference / *other;
-    throw Error(ErrorKind::Input, fmt::format("{}: no such picture", missing.string()),
-                "both folders need pictures with the same names");
+    throw input_error("{}: no such picture", missing.string())
+        .remedy("both folders need pictures with the same names");
   }
   std::vector<PicturePair> pairs;
   for (const std::string& one : names) pairs.push_back({reference / one, test / one});
@@ -378,9 +377,8 @@ struct CompareFlags {
 void check_limit(const CompareFlags& flags, const nlohmann::json& worst) {
   const nlohmann::json& psnr = worst["total"]["psnr_db"];
   if (!flags.limit_psnr_db || psnr.is_null() || psnr.get<double>() >= *flags.limit_psnr_db) return;
-  throw Error(ErrorKind::Quality, fmt::format("{}: {:.2f} dB, below the limit of {} dB",
-                                              worst["test"].get<std::string>(), psnr.get<double>(),
-                                              *flags.limit_psnr_db));
+  throw quality_error("{}: {:.2f} dB, below the limit of {} dB", worst["test"].get<std::string>(),
+                      psnr.get<double>(), *flags.limit_psnr_db);
 }
 
 void write_error_picture(const PicturePair& files, const std::string& output) {

@@ -24,7 +24,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/print.h"
 #include "frames/frame.h"
@@ -82,8 +82,7 @@ class ContainerInput final : public ConvertInput {
   explicit ContainerInput(const std::string& file)
       : reader_(file), decoder_(reader_.make_decoder()) {
     if (reader_.frame_count() == 0)
-      throw Error(ErrorKind::Input, fmt::format("{}: has no frames", file),
-                  frames::kNoFramesRemedy);
+      throw input_error("{}: has no frames", file).remedy(frames::kNoFramesRemedy);
   }
 
   std::optional<uint64_t> count() const override { return reader_.frame_count(); }
@@ -144,7 +143,7 @@ class ViewFrames final : public ConvertInput {
       views_->release();
       deadline = std::chrono::steady_clock::now() + kTimeout;
     }
-    throw Error(ErrorKind::Failed, fmt::format("{}: no picture arrived", name_));
+    throw failed_error("{}: no picture arrived", name_);
   }
 
   std::unique_ptr<frames::ViewInput> views_;
@@ -176,9 +175,8 @@ std::unique_ptr<FrameOutput> open_video_output(const OutputRequest& request) {
     throw Error(ErrorKind::Usage, "--resume: not supported for video files",
                 "convert to FILE.lts with --resume, then FILE.lts to a video");
   if (fs::path(request.target).extension() != ".mkv")
-    throw Error(ErrorKind::Usage,
-                fmt::format("-o {}: videos are written as Matroska", request.target),
-                "use a name such as FILE.mkv");
+    throw usage_error("-o {}: videos are written as Matroska", request.target)
+        .remedy("use a name such as FILE.mkv");
   require_replaceable_video(request);
   return std::make_unique<VideoOutput>(request);
 }
@@ -198,10 +196,8 @@ class ViewFilesOutput final : public FrameOutput {
     } else {
       views_.emplace(text.string());
       if (request.range.count() > 1)
-        throw Error(
-            ErrorKind::Usage,
-            fmt::format("-o {}: one name for {} frames", request.target, request.range.count()),
-            "use a folder per view, for example -o 'views:view%02d/%05d.png'");
+        throw usage_error("-o {}: one name for {} frames", request.target, request.range.count())
+            .remedy("use a folder per view, for example -o 'views:view%02d/%05d.png'");
     }
     frames::check_writable_format(file(0, request.range.begin));
     require_replaceable_pictures(request,
@@ -243,9 +239,7 @@ class ViewFilesOutput final : public FrameOutput {
     for (uint64_t view = 0; view <= last_view(); ++view) {
       std::error_code error;
       fs::create_directory(views_->path(view), error);
-      if (error)
-        throw Error(ErrorKind::Failed,
-                    fmt::format("{}: {}", views_->path(view).string(), error.message()));
+      if (error) throw failed_error("{}: {}", views_->path(view).string(), error.message());
     }
   }
 
@@ -354,17 +348,16 @@ class ConvertPlan {
 
   void refuse_what_makes_no_sense(bool has_views) const {
     if (result == Result::Quilt && !has_views)
-      throw Error(ErrorKind::Usage, fmt::format("{}: woven frames, not views", flags_.input),
-                  "use --from-rig RIG, the rig that they were woven for, to split them into views");
+      throw usage_error("{}: woven frames, not views", flags_.input)
+          .remedy("use --from-rig RIG, the rig that they were woven for, to split them into views");
     if (result == Result::Quilt && rig)
       throw Error(ErrorKind::Usage, "--rig: has no effect on quilts and views",
                   "leave it out; use --from-rig for the rig that frames were woven for");
     if (flags_.max_error > 0 && !flags_.output.ends_with(".lts"))
-      throw Error(ErrorKind::Usage, fmt::format("--max-error: not for {}", flags_.output),
-                  "use it with -o FILE.lts");
+      throw usage_error("--max-error: not for {}", flags_.output).remedy("use it with -o FILE.lts");
     if (flags_.output.ends_with(".toml") || flags_.output.ends_with(".json"))
-      throw Error(ErrorKind::Usage, fmt::format("-o {}: unknown kind of output", flags_.output),
-                  "use FILE.lts, FILE.mkv, a pattern, a picture, or 'views:view%02d/%05d.png'");
+      throw usage_error("-o {}: unknown kind of output", flags_.output)
+          .remedy("use FILE.lts, FILE.mkv, a pattern, a picture, or 'views:view%02d/%05d.png'");
   }
 
   const ConvertFlags& flags_;
@@ -477,12 +470,11 @@ class ConvertRun {
 
   [[noreturn]] void fail_damaged_container(const std::vector<uint64_t>& damaged) const {
     LENTICULE_CHECK(!damaged.empty());
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: {} damaged, the first of them frame {}", flags_.input,
-                            damaged.size() == 1 ? "1 frame is"
-                                                : fmt::format("{} frames are", damaged.size()),
-                            damaged.front()),
-                "use --keep-damaged to repeat the frame before each of them");
+    throw failed_error(
+        "{}: {} damaged, the first of them frame {}", flags_.input,
+        damaged.size() == 1 ? "1 frame is" : fmt::format("{} frames are", damaged.size()),
+        damaged.front())
+        .remedy("use --keep-damaged to repeat the frame before each of them");
   }
 
   /// Counts all damaged frames first, because the remedy depends on how many there are.
@@ -498,18 +490,16 @@ class ConvertRun {
     frames::FrameDamage damage = input_->damage();
     if (wanted_) damage.missing = 0;  // behind the range
     if (!damage.any() || flags_.keep_damaged) return;
-    throw Error(
-        ErrorKind::Failed,
-        fmt::format("{}: {} of {} frames are damaged, {} are missing", flags_.input, damage.damaged,
-                    converted_ + damage.damaged + damage.missing, damage.missing),
-        "use --keep-damaged to convert the readable frames");
+    throw failed_error("{}: {} of {} frames are damaged, {} are missing", flags_.input,
+                       damage.damaged, converted_ + damage.damaged + damage.missing, damage.missing)
+        .remedy("use --keep-damaged to convert the readable frames");
   }
 
   /// Selects the frames. Loop points apply to the whole sequence only.
   void choose_frames(player::FrameRange wanted) {
     if (wanted.begin >= wanted.end || wanted.end > range_.end)
-      throw Error(ErrorKind::Input, fmt::format("{}: has frames 0:{}", flags_.input, range_.end),
-                  "use a range of existing frames");
+      throw input_error("{}: has frames 0:{}", flags_.input, range_.end)
+          .remedy("use a range of existing frames");
     range_ = wanted;
     info_.first_frame += wanted.begin;
     info_.loop_begin = 0;
@@ -523,8 +513,8 @@ class ConvertRun {
                                         .rows = layout_.rows,
                                         .aspect = shape_.aspect};
     if (flags_.output.ends_with(".lts") && shape_.count > frames::kMaxSequenceViews)
-      throw Error(ErrorKind::Usage, fmt::format("-o {}: {} views, but only {} fit", flags_.output,
-                                                shape_.count, frames::kMaxSequenceViews));
+      throw usage_error("-o {}: {} views, but only {} fit", flags_.output, shape_.count,
+                        frames::kMaxSequenceViews);
   }
 
   void state_rig(const optics::TrimmedRig& loaded) {
@@ -534,15 +524,13 @@ class ConvertRun {
     // Woven before the rig was trimmed: the file keeps the trim for which it was woven.
     if (matched == optics::RigMatch::Trimmed) return;
     if (matched == optics::RigMatch::Other)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: was made for another rig, not for {}", flags_.input, flags_.rig),
-                  "use --reweave to weave them again for this rig, or leave out --rig");
+      throw input_error("{}: was made for another rig, not for {}", flags_.input, flags_.rig)
+          .remedy("use --reweave to weave them again for this rig, or leave out --rig");
     if (info_.geometry != panel)
-      throw Error(
-          ErrorKind::Input,
-          fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", flags_.input,
-                      info_.geometry.width, info_.geometry.height, panel.width, panel.height),
-          "woven frames fit one panel, pixel for pixel: use the rig that they were made for");
+      throw input_error("{}: {}x{} pixels, but the rig's panel has {}x{}", flags_.input,
+                        info_.geometry.width, info_.geometry.height, panel.width, panel.height)
+          .remedy(
+              "woven frames fit one panel, pixel for pixel: use the rig that they were made for");
     frames::state_rig(info_, loaded.identity);
     info_.rig_toml = optics::rig_to_toml(rig);
   }
@@ -583,9 +571,8 @@ class ConvertRun {
   void require_end() {
     frames::WovenFrame other(info_.geometry);
     if (input_->read(1, other) != ReadResult::End)
-      throw Error(ErrorKind::Usage,
-                  fmt::format("-o {}: one name for several frames", flags_.output),
-                  "use a number in the name, for example -o 'out/%05d.png', or --frames 0:1");
+      throw usage_error("-o {}: one name for several frames", flags_.output)
+          .remedy("use a number in the name, for example -o 'out/%05d.png', or --frames 0:1");
   }
 
   bool read(uint64_t number, frames::WovenFrame& frame) {
@@ -603,9 +590,8 @@ class ConvertRun {
     const uint64_t done = converted_ + skipped_;
     const bool short_of_range = wanted_ && done < range_.count();
     if (done == 0 || short_of_range)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: ends after frame {}", flags_.input, range_.begin + done),
-                  "use a range of existing frames");
+      throw input_error("{}: ends after frame {}", flags_.input, range_.begin + done)
+          .remedy("use a range of existing frames");
     output_->finish();
   }
 

@@ -9,6 +9,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
 #include "apps/lenticule/cli/option.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/print.h"
 #include "frames/image_io.h"
@@ -32,8 +33,8 @@ optics::EyeOptions parse_size(const std::string& text) {
   const auto size = numbers_from<int, 2>(text, 'x');
   const auto fits = [](int side) { return side >= 1 && side <= frames::kMaxImageSide; };
   if (!size || !fits((*size)[0]) || !fits((*size)[1]))
-    throw Error(ErrorKind::Usage, fmt::format("--size '{}': not width x height", text),
-                "for example --size 1920x1080");
+    throw usage_error("--size '{}': not width x height", text)
+        .remedy("for example --size 1920x1080");
   optics::EyeOptions options;
   options.width = (*size)[0];
   options.height = (*size)[1];
@@ -42,10 +43,8 @@ optics::EyeOptions parse_size(const std::string& text) {
 
 optics::Eye eye_at(Vec3 place) {
   if (!(place.z > 0.0))
-    throw Error(
-        ErrorKind::Usage,
-        fmt::format("--eye '{},{},{}': not in front of the panel", place.x, place.y, place.z),
-        "millimetres right, up and away from the panel's centre: --eye -32,0,700");
+    throw usage_error("--eye '{},{},{}': not in front of the panel", place.x, place.y, place.z)
+        .remedy("millimetres right, up and away from the panel's centre: --eye -32,0,700");
   return {.x = place.x, .y = place.y, .z_mm = place.z};
 }
 
@@ -56,10 +55,9 @@ ExitCode run_eye(const EyeFlags& flags) {
   const optics::Panel& panel = model.rig().panel;
   const frames::WovenFrame woven = frames::read_woven(flags.woven);
   if (woven.width() != panel.width_px || woven.height() != panel.height_px)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {} x {} pixels, the rig's panel has {} x {}", flags.woven,
-                            woven.width(), woven.height(), panel.width_px, panel.height_px),
-                "use --rig with the rig that the frame was woven for");
+    throw input_error("{}: {} x {} pixels, the rig's panel has {} x {}", flags.woven, woven.width(),
+                      woven.height(), panel.width_px, panel.height_px)
+        .remedy("use --rig with the rig that the frame was woven for");
 
   const optics::RgbPicture seen =
       optics::simulate_eye(model,

@@ -16,6 +16,7 @@
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/option.h"
+#include "base/error_kinds.h"
 #include "base/print.h"
 #include "optics/rig_file.h"
 #include "player/process/interrupt.h"
@@ -66,9 +67,8 @@ void check_adapting(const RenderCommandFlags& flags, bool error_given) {
     throw Error(ErrorKind::Usage, "--adapt-error: chooses the error that --error or --psnr fixes",
                 "give one of them");
   if (flags.render.method != "adaptive")
-    throw Error(ErrorKind::Usage,
-                fmt::format("--adapt-error: method {} tolerates no error", flags.render.method),
-                "--method adaptive does");
+    throw usage_error("--adapt-error: method {} tolerates no error", flags.render.method)
+        .remedy("--method adaptive does");
   if (player::parse_source(flags.output).kind != player::SourceKind::Ring)
     throw Error(ErrorKind::Usage,
                 "--adapt-error: files are not live, and would depend on the machine's speed",
@@ -188,8 +188,7 @@ class RenderRun {
         output_(open_output(output_request(target_))) {
     if (flags.missing.empty()) return;
     if (film_.method().missing_subpixels() == nullptr)
-      throw Error(ErrorKind::Usage, fmt::format("--missing: method {} leaves no subpixel empty",
-                                                flags.render.method));
+      throw usage_error("--missing: method {} leaves no subpixel empty", flags.render.method);
     missing_ = open_output(output_request(flags.missing));
   }
 

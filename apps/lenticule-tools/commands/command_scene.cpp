@@ -17,7 +17,7 @@
 #include "apps/lenticule-tools/offline/thumbnail.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/print.h"
 #include "frames/image_io.h"
@@ -285,8 +285,8 @@ void write_one(const SceneFlags& flags) {
                 "'lenticule scene list --json' lists the scenes");
   const scenes::BuiltInScene& scene = scenes::find_scene(flags.name);
   if (!flags.output.empty() && std::filesystem::path(flags.output).extension() != ".nff")
-    throw Error(ErrorKind::Usage, fmt::format("{}: scenes are written as .nff", flags.output),
-                "use a name that ends in .nff");
+    throw usage_error("{}: scenes are written as .nff", flags.output)
+        .remedy("use a name that ends in .nff");
   const std::string text = scenes::write_scene(scene, flags.size, flags.frame);
   if (to_standard_output) return print_out("{}", Verbatim{text});
   nlohmann::json done = {{"name", scene.name},

@@ -12,6 +12,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/content_flags.h"
 #include "apps/lenticule/cli/option.h"
+#include "base/error_kinds.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "frames/quilt.h"
@@ -48,8 +49,8 @@ player::PictureOptions picture_options(const WeaveFlags& flags) {
   if (flags.frame.empty()) return options;
   options.frames = player::parse_frame_range(flags.frame);
   if (options.frames->count() != 1)
-    throw Error(ErrorKind::Usage, fmt::format("--frame {}: more than one frame", flags.frame),
-                "use lenticule convert for sequences");
+    throw usage_error("--frame {}: more than one frame", flags.frame)
+        .remedy("use lenticule convert for sequences");
   return options;
 }
 
@@ -63,18 +64,18 @@ std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const opt
   if (content.kind == player::Content::Kind::Woven) {
     if (source.kind == player::SourceKind::Pictures)
       (void)frames::probe_picture(flags.input, frames::PictureUse::Views);
-    throw Error(ErrorKind::Usage,
-                fmt::format("{}: {}", flags.input,
-                            source.kind == player::SourceKind::Sequence
-                                ? "its frames are woven already"
-                                : "the layout of the views is unknown"),
-                "name the file *_qs8x6a0.75.png, use --grid 8x6 (1x1 for an ordinary picture or "
-                "film), --stereo, --depth or --from-rig, or give a pattern of views");
+    throw usage_error("{}: {}", flags.input,
+                      source.kind == player::SourceKind::Sequence
+                          ? "its frames are woven already"
+                          : "the layout of the views is unknown")
+        .remedy(
+            "name the file *_qs8x6a0.75.png, use --grid 8x6 (1x1 for an ordinary picture or "
+            "film), --stereo, --depth or --from-rig, or give a pattern of views");
   }
   std::unique_ptr<frames::ViewInput> input = open_views(content, options);
   if (input->frame_count() != uint64_t{1} && !options.frames)
-    throw Error(ErrorKind::Usage, fmt::format("{}: more than one frame", flags.input),
-                "choose one with --frame N, or use lenticule convert");
+    throw usage_error("{}: more than one frame", flags.input)
+        .remedy("choose one with --frame N, or use lenticule convert");
   player::await_first(*input, flags.input);
   return input;
 }
@@ -107,8 +108,8 @@ void print_report(const nlohmann::json& done) {
 void refuse_damage(frames::ViewInput& input, const WeaveFlags& flags) {
   const frames::FrameDamage damage = player::await_damage(input);
   if (damage.any() && !flags.keep_damaged)
-    throw Error(ErrorKind::Failed, fmt::format("{}: {}", flags.input, player::damage_text(damage)),
-                "use --keep-damaged to weave a readable frame instead of a damaged one");
+    throw failed_error("{}: {}", flags.input, player::damage_text(damage))
+        .remedy("use --keep-damaged to weave a readable frame instead of a damaged one");
 }
 
 ExitCode run_weave(const WeaveFlags& flags) {

@@ -15,7 +15,7 @@
 #include <utility>
 
 #include "apps/lenticule-tools/farm/actions.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/json_output.h"
 #include "base/print.h"
@@ -36,17 +36,18 @@ std::string run_slurm(const std::string& name, const std::vector<std::string>& a
                       std::chrono::seconds limit = std::chrono::seconds(60)) {
   const auto path = player::find_program(name);
   if (!path)
-    throw Error(ErrorKind::Failed, fmt::format("{}: not found in PATH", name),
-                "install Slurm's client programs, or use another engine: each line of commands.txt "
-                "is a command");
+    throw failed_error("{}: not found in PATH", name)
+        .remedy(
+            "install Slurm's client programs, or use another engine: each line of commands.txt "
+            "is a command");
   std::vector<std::string> words = {*path};
   words.insert(words.end(), arguments.begin(), arguments.end());
   const ProgramRun run = player::run_child(words, limit);
   if (run.exit_code == 0) return run.output;
   if (run.timed_out)
-    throw Error(ErrorKind::Failed, fmt::format("{}: does not answer", name),
-                "see whether Slurm's controller runs: scontrol ping");
-  throw Error(ErrorKind::Failed, fmt::format("{}: {}", name, escaped(shortened(run.output, 400))));
+    throw failed_error("{}: does not answer", name)
+        .remedy("see whether Slurm's controller runs: scontrol ping");
+  throw failed_error("{}: {}", name, escaped(shortened(run.output, 400)));
 }
 
 /// Returns the file with the jobs of a work folder.
@@ -162,8 +163,7 @@ class SubmitRun {
     const std::string output = run_slurm("sbatch", arguments);
     const auto id = farm::parse_sbatch_id(output);
     if (!id)
-      throw Error(ErrorKind::Failed, fmt::format("sbatch: printed no job number: {}",
-                                                 escaped(shortened(output, 200))));
+      throw failed_error("sbatch: printed no job number: {}", escaped(shortened(output, 200)));
     return *id;
   }
 

@@ -17,7 +17,7 @@
 
 #include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/installation.h"
 #include "base/json_output.h"
 #include "base/numbers.h"
@@ -119,9 +119,8 @@ std::string digest_of_chunk_inputs(const RenderFlags& flags, const farm::Chunk& 
 
 PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {
   if (plan.program != program_version())
-    throw Error(ErrorKind::Input,
-                fmt::format("the plan was made by {}, this is {}", plan.program, program_version()),
-                "install the same version on all machines, or make a new plan");
+    throw input_error("the plan was made by {}, this is {}", plan.program, program_version())
+        .remedy("install the same version on all machines, or make a new plan");
   CLI::App app;
   const std::function<void()> complete = declare_render_flags(app, flags_);
   std::vector<std::string> arguments = plan.arguments;
@@ -130,7 +129,7 @@ PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {
   try {
     app.parse(arguments);
   } catch (const CLI::ParseError& error) {
-    throw Error(ErrorKind::Input, fmt::format("plan.json: arguments: {}", error.what()));
+    throw input_error("plan.json: arguments: {}", error.what());
   }
   complete();
   flags_.options.threads = threads;
@@ -138,9 +137,8 @@ PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {
   for (const auto& [what, digest] : digests_of_inputs(flags_, *renderer_)) {
     const auto planned = plan.inputs.find(what);
     if (planned == plan.inputs.end() || planned->second != digest)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: the {} is not the one of the plan", plan.output, what),
-                  "put the planned file back, or make a new plan in a new folder");
+      throw input_error("{}: the {} is not the one of the plan", plan.output, what)
+          .remedy("put the planned file back, or make a new plan in a new folder");
   }
 }
 
@@ -152,10 +150,9 @@ void PlannedFilm::require_inputs_of(const farm::Chunk& chunk) const {
   if (plan_.chunk_inputs.empty() ||
       plan_.chunk_inputs[chunk.number] == digest_of_chunk_inputs(flags_, chunk))
     return;
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: frames {} to {} have changed since the plan was made", flags_.scene,
-                          chunk.begin, chunk.end - 1),
-              "put the planned files back, or make a new plan in a new folder");
+  throw input_error("{}: frames {} to {} have changed since the plan was made", flags_.scene,
+                    chunk.begin, chunk.end - 1)
+      .remedy("put the planned files back, or make a new plan in a new folder");
 }
 
 // lenticule farm plan writes the work folder of a film that many processes render.
@@ -210,8 +207,8 @@ uint64_t method_interval(const FilmRenderer& renderer) {
 uint64_t parse_chunk(const std::string& text) {
   const auto frames = number_from<uint64_t>(text);
   if (!frames || *frames == 0)
-    throw Error(ErrorKind::Usage, fmt::format("--chunk '{}': not a number of frames", text),
-                "for example --chunk 32, or --chunk auto");
+    throw usage_error("--chunk '{}': not a number of frames", text)
+        .remedy("for example --chunk 32, or --chunk auto");
   return *frames;
 }
 
@@ -239,8 +236,8 @@ void print_plan(const farm::Plan& plan, const std::filesystem::path& folder) {
 
 void require_film_name(const FarmFlags& flags) {
   if (!flags.output.ends_with(".lts"))
-    throw Error(ErrorKind::Usage, fmt::format("-o {}: a farm makes films", flags.output),
-                "use a name that ends in .lts; lenticule convert makes pictures and videos of it");
+    throw usage_error("-o {}: a farm makes films", flags.output)
+        .remedy("use a name that ends in .lts; lenticule convert makes pictures and videos of it");
   if (flags.timed_frames == 0 && flags.chunk_frames == "auto")
     throw Error(ErrorKind::Usage, "--chunk auto: needs timed frames",
                 "leave out --timed-frames 0, or give a number: --chunk 32");
@@ -286,8 +283,7 @@ ExitCode farm_plan(const FarmFlags& flags) {
             : std::min(parse_chunk(flags.chunk_frames), range.count());
   }
   if (plan.chunks() > farm::kMostChunks)
-    throw Error(ErrorKind::Usage, fmt::format("--chunk {}: more than {} chunks", flags.chunk_frames,
-                                              farm::kMostChunks));
+    throw usage_error("--chunk {}: more than {} chunks", flags.chunk_frames, farm::kMostChunks);
   for (uint64_t chunk = 0; chunk < plan.chunks(); ++chunk) {
     const std::string digest = digest_of_chunk_inputs(flags.render, plan.chunk(chunk));
     if (digest.empty()) break;
@@ -384,8 +380,7 @@ nlohmann::json result_json(uint64_t checked, uint64_t seed,
 ExitCode farm_verify(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
   const std::vector<DoneChunk> chunks = done_chunks(folder);
-  if (chunks.empty())
-    throw Error(ErrorKind::Input, fmt::format("{}: no chunk is done", flags.folder));
+  if (chunks.empty()) throw input_error("{}: no chunk is done", flags.folder);
   const uint64_t seed = flags.seed != 0 ? flags.seed : std::random_device{}();
   const auto chosen = choose_frames(chunks, flags.sample, seed);
   PlannedFilm film(folder.plan(), flags.threads);

@@ -19,7 +19,7 @@
 #include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "base/cpu.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/json_output.h"
 #include "base/print.h"
@@ -128,10 +128,9 @@ class ChunkRun {
     remove_leftovers();
     if (agrees_) return kOk;
     const auto first = folder_.report(chunk_.number);
-    throw Error(ErrorKind::Quality,
-                fmt::format("chunk {}: {} has rendered other bytes than {}, whose result stays",
-                            chunk_.number, report_.node, first ? first->node : "another node"),
-                fmt::format("find the node that is wrong: lenticule farm verify {}",
+    throw quality_error("chunk {}: {} has rendered other bytes than {}, whose result stays",
+                        chunk_.number, report_.node, first ? first->node : "another node")
+        .remedy(fmt::format("find the node that is wrong: lenticule farm verify {}",
                             shell_quoted(folder_.path().string())));
   }
 
@@ -273,8 +272,8 @@ class ChunkRun {
 ExitCode farm_render(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
   if (flags.chunk >= folder.plan().chunks())
-    throw Error(ErrorKind::Usage, fmt::format("chunk {}: the plan has chunks 0 to {}", flags.chunk,
-                                              folder.plan().chunks() - 1));
+    throw usage_error("chunk {}: the plan has chunks 0 to {}", flags.chunk,
+                      folder.plan().chunks() - 1);
   return ChunkRun(folder, flags).run();
 }
 
@@ -304,15 +303,15 @@ bool deliver_chunk(const farm::WorkFolder& folder, const farm::ChunkReport& repo
   for (const bool again : {false, true}) {
     const frames::SequenceReader reader(file);
     if (reader.geometry() != frame.geometry() || reader.frame_count() != report.end - report.begin)
-      throw Error(ErrorKind::Input, fmt::format("{}: not the frames of the plan", file.string()));
+      throw input_error("{}: not the frames of the plan", file.string());
     frames::FrameDecoder decoder = reader.make_decoder();
     for (; next < report.end && decoder.decode(next - report.begin, frame.bytes()); ++next)
       if (output.deliver(next, frame.view()) == Delivery::Interrupted) return false;
     if (next == report.end) return true;
     if (again) break;
   }
-  throw Error(ErrorKind::Input, fmt::format("{}: frame {} is damaged", file.string(), next),
-              "lenticule farm merge names the command that renders the chunk again");
+  throw input_error("{}: frame {} is damaged", file.string(), next)
+      .remedy("lenticule farm merge names the command that renders the chunk again");
 }
 
 }  // namespace
@@ -321,8 +320,8 @@ ExitCode farm_feed(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
   const farm::Plan& plan = folder.plan();
   if (player::parse_source(flags.output).kind != player::SourceKind::Ring)
-    throw Error(ErrorKind::Usage, fmt::format("{}: not a ring", flags.output),
-                "for example lenticule farm feed DIR ring:/run/player.sock");
+    throw usage_error("{}: not a ring", flags.output)
+        .remedy("for example lenticule farm feed DIR ring:/run/player.sock");
   OutputRequest request{.target = flags.output, .range = {plan.begin, plan.end}};
   request.geometry = plan.film.geometry;
   request.rig = frames::rig_of(plan.film);

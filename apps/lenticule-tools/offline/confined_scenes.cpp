@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/installation.h"
 #include "base/packet.h"
@@ -153,8 +153,7 @@ class KeptTextures {
     const std::lock_guard lock(mutex_);
     bytes_ += image.codes.size() + image.rgba.size() * sizeof(float);
     if (bytes_ > render::kMaxTextureBytes)
-      throw Error(ErrorKind::Input, fmt::format("textures of more than {} MiB in memory",
-                                                render::kMaxTextureBytes >> 20));
+      throw input_error("textures of more than {} MiB in memory", render::kMaxTextureBytes >> 20);
     const int number = static_cast<int>(kept_.size());
     kept_.emplace(number, Kept{std::move(image), values});
     return number;
@@ -220,9 +219,8 @@ class ConfinedScenes::Reader {
       return render::read_scene_archive(next);
     } catch (const Error& error) {
       if (std::string(error.what()).starts_with(file.string())) throw;
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: its reader made a scene that {}", file.string(), error.what()),
-                  kProgram.remedy);
+      throw input_error("{}: its reader made a scene that {}", file.string(), error.what())
+          .remedy(kProgram.remedy);
     }
   }
 

@@ -19,7 +19,7 @@
 #include "apps/lenticule-tools/cli/render_flags.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule-tools/offline/scene_sequence.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/print.h"
 #include "optics/rig_file.h"
 #include "optics/wall/wall.h"
@@ -50,9 +50,7 @@ class ErrorController {
   explicit ErrorController(double frames_per_s)
       : target_s_(kUsed / frames_per_s), log2_error_(std::log2(kFirstError)), power_(kFirstPower) {
     if (!(frames_per_s >= 0.01 && frames_per_s <= 1000.0))
-      throw Error(
-          ErrorKind::Usage,
-          fmt::format("--adapt-error {}: not in 0.01 ... 1000 frames per second", frames_per_s));
+      throw usage_error("--adapt-error {}: not in 0.01 ... 1000 frames per second", frames_per_s);
   }
 
   /// Returns the error to tolerate in the next frame, in code values.
@@ -147,8 +145,8 @@ inline render::Canvas canvas_of_wall(const optics::PlacedWall& wall, Interval x_
                                                     const std::string& panel) {
   if (wall_file.empty()) return panel_of_rig(rig_file);
   if (panel.empty())
-    throw Error(ErrorKind::Usage, fmt::format("--wall {}: a film is for one panel", wall_file),
-                "choose one with --panel NAME; each panel has a film of its own");
+    throw usage_error("--wall {}: a film is for one panel", wall_file)
+        .remedy("choose one with --panel NAME; each panel has a film of its own");
   const optics::PlacedWall wall = optics::load_wall(wall_file);
   return panel_of_wall(wall, wall.panel(panel));
 }
@@ -157,8 +155,8 @@ inline render::Canvas canvas_of_wall(const optics::PlacedWall& wall, Interval x_
 [[nodiscard]] inline std::string target_of_panel(const std::string& target,
                                                  const std::string& panel) {
   if (player::parse_source(target).kind == player::SourceKind::Ring)
-    throw Error(ErrorKind::Usage, fmt::format("-o {}: a wall has a frame per panel", target),
-                "choose one with --panel NAME");
+    throw usage_error("-o {}: a wall has a frame per panel", target)
+        .remedy("choose one with --panel NAME");
   return optics::file_of_panel(target, panel);
 }
 
@@ -294,8 +292,8 @@ class FilmRenderer {
     const bool empty = still() && !panel_.in_wall() && !around.sky && !around.ground &&
                        around.environment_file.empty();
     if (empty)
-      throw Error(ErrorKind::Input, fmt::format("{}: {}", first.source, what),
-                  camera ? "--fit ignores the camera and fits the whole scene into the panel"
+      throw input_error("{}: {}", first.source, what)
+          .remedy(camera ? "--fit ignores the camera and fits the whole scene into the panel"
                          : "render without --centre and --mm-per-unit, which fits it");
     say("{}: frame {}: {}\n", first.source, film_.begin, what);
   }

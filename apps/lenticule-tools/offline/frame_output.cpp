@@ -7,7 +7,7 @@
 #include <chrono>
 #include <system_error>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/large_memory.h"
 #include "base/print.h"
 #include "base/temporary.h"
@@ -43,10 +43,8 @@ class PictureFiles final : public FrameOutput {
     if (frames::FilePattern::looks_like_pattern(request.target)) {
       pattern_.emplace(request.target);
     } else if (request.range.count() > 1) {
-      throw Error(
-          ErrorKind::Usage,
-          fmt::format("-o {}: one name for {} frames", request.target, request.range.count()),
-          "use a number in the name, for example -o 'out/%05d.png'");
+      throw usage_error("-o {}: one name for {} frames", request.target, request.range.count())
+          .remedy("use a number in the name, for example -o 'out/%05d.png'");
     }
     single_ = request.target;
     frames::check_writable_format(file(request.range.begin));
@@ -106,8 +104,7 @@ class RingOutput final : public FrameOutput {
       frames::RingStatus status = ring_->acquire(frame, kWaitSlice, slot);
       if (status == frames::RingStatus::Ok) {
         if (slot.size() < pixels.bytes.size())
-          throw Error(ErrorKind::Input,
-                      fmt::format("{}: the slots are too small for a frame", socket_.string()));
+          throw input_error("{}: the slots are too small for a frame", socket_.string());
         std::copy(pixels.bytes.begin(), pixels.bytes.end(), slot.begin());
         status = ring_->publish();
         if (status == frames::RingStatus::Ok) {
@@ -138,10 +135,9 @@ class RingOutput final : public FrameOutput {
       }
     }
     if (ring_ && ring_->geometry() != geometry_)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: the player's panel has {}x{} pixels, the rig {}x{}",
-                              socket_.string(), ring_->geometry().width, ring_->geometry().height,
-                              geometry_.width, geometry_.height));
+      throw input_error("{}: the player's panel has {}x{} pixels, the rig {}x{}", socket_.string(),
+                        ring_->geometry().width, ring_->geometry().height, geometry_.width,
+                        geometry_.height);
   }
 
   fs::path socket_;
@@ -178,8 +174,8 @@ class SequenceOutput final : public FrameOutput {
 constexpr uint64_t kMostPictures = uint64_t{1} << 20;
 
 [[noreturn]] void refuse(const fs::path& file, const std::string& what) {
-  throw Error(ErrorKind::Input, fmt::format("{}: exists already: {}", file.string(), what),
-              "use another name, or --overwrite");
+  throw input_error("{}: exists already: {}", file.string(), what)
+      .remedy("use another name, or --overwrite");
 }
 
 bool may_replace(const OutputRequest& request) {
@@ -286,8 +282,8 @@ std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
     return std::make_unique<SequenceOutput>(request);
   }
   if (player::kind_of_file(request.target) != player::SourceKind::Pictures)
-    throw Error(ErrorKind::Usage, fmt::format("-o {}: neither a .lts nor pictures", request.target),
-                "use FILE.lts, of which 'lenticule convert' makes a video, or 'out/%05d.png'");
+    throw usage_error("-o {}: neither a .lts nor pictures", request.target)
+        .remedy("use FILE.lts, of which 'lenticule convert' makes a video, or 'out/%05d.png'");
   return std::make_unique<PictureFiles>(request);
 }
 

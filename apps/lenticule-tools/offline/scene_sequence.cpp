@@ -9,7 +9,7 @@
 #include <utility>
 #include <variant>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "render/loaders/nff.h"
 
@@ -103,8 +103,7 @@ SceneSequence::SceneSequence(const std::string& scene, frames::Rate rate,
     if (colon != std::string::npos) {
       const auto size = number_from<uint64_t>(std::string_view(rest).substr(colon + 1));
       if (!size || *size > static_cast<uint64_t>(built_in_->largest_size))
-        throw Error(ErrorKind::Usage,
-                    fmt::format("{}: not a size from 1 to {}", scene, built_in_->largest_size));
+        throw usage_error("{}: not a size from 1 to {}", scene, built_in_->largest_size);
       size_ = static_cast<int>(*size);
     }
     still_ = built_in_->frames == 1;
@@ -122,9 +121,9 @@ void SceneSequence::require(const player::FrameRange& range) const {
   const std::vector<uint64_t> numbers = pattern_->existing();
   for (uint64_t frame = range.begin; frame < range.end; ++frame)
     if (!std::binary_search(numbers.begin(), numbers.end(), frame))
-      throw Error(
-          ErrorKind::Input, fmt::format("{}: no such file", pattern_->path(frame).string()),
-          fmt::format("the files there are numbered {} ... {}", numbers.front(), numbers.back()));
+      throw input_error("{}: no such file", pattern_->path(frame).string())
+          .remedy(fmt::format("the files there are numbered {} ... {}", numbers.front(),
+                              numbers.back()));
 }
 
 uint64_t SceneSequence::reference_frame() const {

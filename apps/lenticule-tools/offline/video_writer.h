@@ -21,7 +21,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/subprocess.h"
 #include "base/temporary.h"
 #include "base/text.h"
@@ -94,7 +94,7 @@ class VideoWriter {
 
   [[noreturn]] static void cannot_write(const std::filesystem::path& file,
                                         const std::string& cause) {
-    throw Error(ErrorKind::Failed, fmt::format("{}: cannot write: {}", file.string(), cause));
+    throw failed_error("{}: cannot write: {}", file.string(), cause);
   }
   void start() {
     std::array<int, 2> in{};

@@ -28,7 +28,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/print.h"
 #include "base/text.h"
@@ -98,8 +98,8 @@ inline void write_tokens(const std::filesystem::path& file, const std::vector<To
 inline UniqueFd lock_folder_of(const std::filesystem::path& file) {
   UniqueFd fd(::open(file.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!fd || ::flock(fd.get(), LOCK_EX) != 0)
-    throw Error(ErrorKind::Failed, fmt::format("{}: cannot be locked: {}",
-                                               file.parent_path().string(), std::strerror(errno)));
+    throw failed_error("{}: cannot be locked: {}", file.parent_path().string(),
+                       std::strerror(errno));
   return fd;
 }
 
@@ -155,8 +155,8 @@ inline Token add_token(const std::filesystem::path& file, const std::string& nam
   const UniqueFd lock = lock_folder_of(file);
   std::vector<Token> tokens = read_tokens(file);
   if (tokens.size() >= kMaxTokens)
-    throw Error(ErrorKind::Usage, fmt::format("token: there are {} already", kMaxTokens),
-                "revoke one: lenticule web token revoke ID");
+    throw usage_error("token: there are {} already", kMaxTokens)
+        .remedy("revoke one: lenticule web token revoke ID");
   tokens.push_back({.id = random_digits<kIdDigits / 2>(),
                     .name = shortened(escaped(name), 60),
                     .rights = rights,
@@ -170,8 +170,8 @@ inline void revoke_token(const std::filesystem::path& file, const std::string& i
   const UniqueFd lock = lock_folder_of(file);
   std::vector<Token> tokens = read_tokens(file);
   if (std::erase_if(tokens, [&](const Token& token) { return token.id == id; }) == 0)
-    throw Error(ErrorKind::Usage, fmt::format("token: no token has the id '{}'", id),
-                "lenticule web token list shows the ids");
+    throw usage_error("token: no token has the id '{}'", id)
+        .remedy("lenticule web token list shows the ids");
   write_tokens(file, tokens);
 }
 

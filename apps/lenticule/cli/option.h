@@ -10,7 +10,7 @@
 #include <string>
 #include <type_traits>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "optics/vec.h"
 
@@ -46,8 +46,8 @@ inline constexpr const char* kExampleOfPoint = "-32,0,700";
                                        const char* example = kExampleOfPoint) {
   const auto values = numbers_from<double, 3>(text, ',');
   if (!values)
-    throw Error(ErrorKind::Usage, fmt::format("{} '{}': not three numbers", flag, text),
-                fmt::format("for example {} {}", flag, example));
+    throw usage_error("{} '{}': not three numbers", flag, text)
+        .remedy(fmt::format("for example {} {}", flag, example));
   return {(*values)[0], (*values)[1], (*values)[2]};
 }
 

@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "apps/lenticule/cli/help.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/installation.h"
 #include "base/main_function.h"
 #include "base/numbers.h"
@@ -245,7 +245,7 @@ std::optional<Error> value_error(const Chain& chain, const std::string& object,
 /// Returns the Error(Usage) for a command line that `app` could not parse. An unknown command or
 /// flag is reported first, with the most similar known one, because other errors usually follow
 /// from it.
-Error usage_error(const CLI::App& app, const CLI::ParseError& error) {
+Error error_of_words(const CLI::App& app, const CLI::ParseError& error) {
   const Chain chain = chosen_commands(app);
   const std::string name = name_of(chain);
   const std::string object =
@@ -276,8 +276,7 @@ Error usage_error(const CLI::App& app, const CLI::ParseError& error) {
 void become_program(const OtherProgram& program, const char* command, char* const* arguments) {
   const std::string path = require_program(command, program.name, program.package).string();
   execv(path.c_str(), arguments);
-  throw Error(ErrorKind::Failed,
-              fmt::format("{}: cannot start {}: {}", command, path, std::strerror(errno)));
+  throw failed_error("{}: cannot start {}: {}", command, path, std::strerror(errno));
 }
 
 namespace {
@@ -345,7 +344,7 @@ int run_program(const Program& program, int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return print_help(app, error, style);
-    return report_error(usage_error(app, error), style);
+    return report_error(error_of_words(app, error), style);
   } catch (const Error& error) {  // the value of a flag
     return report_error(error, style);
   }

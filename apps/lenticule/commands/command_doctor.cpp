@@ -11,7 +11,7 @@
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/print.h"
 #include "display/kms/inspect.h"
 #include "display/open/open_display.h"
@@ -146,8 +146,8 @@ Run declare_doctor(CLI::App& app) {
           ErrorKind::Device, "no graphics card was found",
           "only 'lenticule play' and 'lenticule calibrate' work without one: --display virtual");
     if (json["outputs"].empty())
-      throw Error(ErrorKind::Device, fmt::format("{}: no such panel is connected", flags->display),
-                  "'lenticule panels' lists the connected panels");
+      throw device_error("{}: no such panel is connected", flags->display)
+          .remedy("'lenticule panels' lists the connected panels");
     return verdict_of(json["outputs"]);
   };
 }

@@ -10,7 +10,7 @@
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/installation.h"
 #include "base/print.h"
 #include "display/kms/inspect.h"
@@ -31,8 +31,7 @@ struct PanelsFlags {
 std::vector<NamedRig> load_rigs(const std::string& folder) {
   std::error_code error;
   if (!folder.empty() && !std::filesystem::is_directory(folder, error))
-    throw Error(ErrorKind::Input, fmt::format("{}: no folder", folder),
-                "use a folder of rig files");
+    throw input_error("{}: no folder", folder).remedy("use a folder of rig files");
   std::vector<NamedRig> rigs;
   for (const auto& each :
        folder.empty() ? player::rig_folders() : std::vector<std::filesystem::path>{folder})

@@ -11,7 +11,7 @@
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/print.h"
 #include "player/proof/content_hash.h"
 #include "player/proof/proof_report.h"
@@ -35,8 +35,8 @@ std::optional<int64_t> time_of(const char* flag, const std::string& text) {
   const auto time = player::parse_local_time(
       text, std::chrono::duration_cast<std::chrono::microseconds>(now).count());
   if (time) return time;
-  throw Error(ErrorKind::Usage, fmt::format("{} '{}': not a time", flag, text),
-              "write 2026-11-25, \"2026-11-25 14:30\", today or yesterday; local time");
+  throw usage_error("{} '{}': not a time", flag, text)
+      .remedy("write 2026-11-25, \"2026-11-25 14:30\", today or yesterday; local time");
 }
 
 ExitCode print_hash(const std::string& source) {

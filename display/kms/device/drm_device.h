@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "display/kms/device/drm_properties.h"
 #include "display/kms/device/platform.h"
@@ -136,8 +136,7 @@ class DrmDevice {
  private:
   DrmDevice(std::shared_ptr<Session> session, UniqueFd fd, std::string path)
       : session_(std::move(session)), fd_(std::move(fd)), path_(std::move(path)) {
-    if (drmIsKMS(fd_.get()) == 0)
-      throw Error(ErrorKind::Device, fmt::format("{}: the card has no outputs", path_));
+    if (drmIsKMS(fd_.get()) == 0) throw device_error("{}: the card has no outputs", path_);
     driver_ = driver_of(fd_.get());
     caps_ = read_caps(fd_.get());
   }

@@ -15,7 +15,7 @@
 #include <cstring>
 #include <span>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "display/clock.h"
 #include "display/display.h"
@@ -110,9 +110,8 @@ class EventWaiter {
   /// Descriptors of -1 are never ready. Throws Error(Failed).
   EventWaiter(int card_fd, int session_fd, int hotplug_fd) : epoll_(epoll_create1(EPOLL_CLOEXEC)) {
     if (!epoll_)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("kms: cannot create an epoll descriptor: {}", std::strerror(errno)),
-                  "raise the limit of open files");
+      throw failed_error("kms: cannot create an epoll descriptor: {}", std::strerror(errno))
+          .remedy("raise the limit of open files");
     add(card_fd, kCard);
     add(session_fd, kSession);
     add(hotplug_fd, kHotplug);
@@ -153,8 +152,7 @@ class EventWaiter {
     if (fd < 0) return;
     epoll_event entry{.events = EPOLLIN, .data = {.u32 = source}};
     if (epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &entry) != 0)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("kms: cannot wait for a descriptor: {}", std::strerror(errno)));
+      throw failed_error("kms: cannot wait for a descriptor: {}", std::strerror(errno));
   }
   /// Registers the wake descriptor. Its number may belong to another file than last time;
   /// EPOLL_CTL_MOD detects that, and usually this is a single system call.

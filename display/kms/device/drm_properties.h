@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule::display {
 
@@ -137,8 +137,8 @@ class PropertyTable {
   /// Returns the property's id. Throws Error(Device) if the driver lacks it.
   [[nodiscard]] uint32_t require(std::string_view name) const {
     if (const Property* property = find(name)) return property->id;
-    throw Error(ErrorKind::Device, fmt::format("KMS object {}: no property '{}'", object_, name),
-                "the graphics driver is too old for atomic modesetting");
+    throw device_error("KMS object {}: no property '{}'", object_, name)
+        .remedy("the graphics driver is too old for atomic modesetting");
   }
   /// Returns the property's value; 0 if there is no such property.
   [[nodiscard]] uint64_t value(std::string_view name) const {

@@ -12,7 +12,7 @@
 #include <cstring>
 #include <ctime>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "display/clock.h"
 
 namespace lenticule::display {
@@ -23,8 +23,8 @@ class DirectSession final : public Session {
   [[nodiscard]] UniqueFd open_device(const std::string& path) override {
     UniqueFd fd(open(path.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK));
     if (fd) return fd;
-    throw Error(ErrorKind::Device, fmt::format("{}: {}", path, std::strerror(errno)),
-                errno == EACCES ? "add the user to the group 'video'" : "");
+    throw device_error("{}: {}", path, std::strerror(errno))
+        .remedy(errno == EACCES ? "add the user to the group 'video'" : "");
   }
   void close_device(int fd) noexcept override { (void)fd; }
 

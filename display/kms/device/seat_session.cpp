@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "display/kms/device/platform.h"
 
 // The header of libseat 0.7 does not declare its functions extern "C".
@@ -29,8 +29,8 @@ class SeatSession final : public Session {
                                                    .disable_seat = on_disable};
     seat_ = libseat_open_seat(&listener, this);
     if (seat_ == nullptr)
-      throw Error(ErrorKind::Device, fmt::format("seat: {}", std::strerror(errno)),
-                  "start seatd, or log in on a virtual terminal");
+      throw device_error("seat: {}", std::strerror(errno))
+          .remedy("start seatd, or log in on a virtual terminal");
     wait_until_enabled();
   }
   ~SeatSession() override {
@@ -46,8 +46,8 @@ class SeatSession final : public Session {
     int opened = -1;
     const int device = libseat_open_device(seat_, path.c_str(), &opened);
     if (device < 0)
-      throw Error(ErrorKind::Device, fmt::format("{}: seat: {}", path, std::strerror(errno)),
-                  "the session must be the active one of its seat");
+      throw device_error("{}: seat: {}", path, std::strerror(errno))
+          .remedy("the session must be the active one of its seat");
     UniqueFd fd(opened);
     devices_.emplace_back(fd.get(), device);
     return fd;

@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "display/kms/device/connector.h"
 #include "display/kms/device/drm_device.h"
 #include "display/kms/device/drm_properties.h"
@@ -157,12 +157,11 @@ inline std::string text_of(PixelSize size) {
   std::string own;
   for (const PixelSize native : native_sizes(connector))
     own += (own.empty() ? "" : " or ") + text_of(native);
-  throw Error(
-      ErrorKind::Input,
-      fmt::format("{}: the panel would scale {} to its own {}, which would destroy the views",
-                  connector.name, text_of(size), own),
-      "use this panel's own rig; if its EDID states a wrong size, load a correct EDID "
-      "(drm.edid_firmware=)");
+  throw input_error("{}: the panel would scale {} to its own {}, which would destroy the views",
+                    connector.name, text_of(size), own)
+      .remedy(
+          "use this panel's own rig; if its EDID states a wrong size, load a correct EDID "
+          "(drm.edid_firmware=)");
 }
 
 /// Returns true if the size is native or the native sizes are unknown.
@@ -293,9 +292,7 @@ inline std::optional<Pipe> choose_pipe(int fd, const ConnectorInfo& connector,
                                        const drmModeModeInfo& mode, ScanoutDepth depth,
                                        std::span<const Pipe> before) {
   const DrmResources resources(drmModeGetResources(fd));
-  if (!resources)
-    throw Error(ErrorKind::Device,
-                fmt::format("{}: the graphics card was removed", connector.name));
+  if (!resources) throw device_error("{}: the graphics card was removed", connector.name);
   const auto current = static_cast<uint32_t>(connector.properties.value("CRTC_ID"));
   const std::vector<uint32_t> taken = crtcs_taken(fd, connector.id);
 
@@ -348,10 +345,9 @@ inline std::optional<Pipe> choose_pipe(int fd, const ConnectorInfo& connector,
     return true;
   };
   if (!choose(wanted) && (wanted == ScanoutDepth::Bits8 || !choose(ScanoutDepth::Bits8)))
-    throw Error(ErrorKind::Device,
-                fmt::format("{}: no CRTC with a primary plane for {}",
-                            connectors[pipes.size()].name, format_name(ScanoutDepth::Bits8)),
-                "disconnect another panel of this card");
+    throw device_error("{}: no CRTC with a primary plane for {}", connectors[pipes.size()].name,
+                       format_name(ScanoutDepth::Bits8))
+        .remedy("disconnect another panel of this card");
   for (size_t n = 0; n < pipes.size(); ++n) {
     pipes[n].wanted = wanted;
     if (request.parts.empty()) continue;

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "display/scanout_format.h"
 #include "frames/frame.h"
@@ -69,9 +69,10 @@ inline constexpr std::string_view kEdidPrefix = "edid:";
 inline constexpr size_t kLongestName = 64;
 
 [[noreturn]] inline void reject(std::string_view text, const char* cause) {
-  throw Error(ErrorKind::Usage, fmt::format("output '{}': {}", text, cause),
-              "write auto, HDMI-A-1, edid:MFG[:product[:serial]] or /dev/dri/by-path/...; "
-              "'lenticule panels' lists the connected panels");
+  throw usage_error("output '{}': {}", text, cause)
+      .remedy(
+          "write auto, HDMI-A-1, edid:MFG[:product[:serial]] or /dev/dri/by-path/...; "
+          "'lenticule panels' lists the connected panels");
 }
 
 inline std::optional<uint32_t> parse_product(std::string_view text) {

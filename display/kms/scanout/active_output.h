@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "display/display.h"
 #include "display/kms/device/drm_device.h"
 #include "display/kms/device/drm_events.h"
@@ -42,9 +42,8 @@ using ScanoutMapping = std::unique_ptr<void, ScanoutUnmap>;
 inline constexpr uint32_t kBitsPerPixel = 32;
 
 [[noreturn]] inline void fail(const char* what, int error) {
-  throw Error(ErrorKind::Failed,
-              fmt::format("kms: cannot {} a scan-out buffer: {}", what, std::strerror(error)),
-              "use fewer buffers, or give the card more memory");
+  throw failed_error("kms: cannot {} a scan-out buffer: {}", what, std::strerror(error))
+      .remedy("use fewer buffers, or give the card more memory");
 }
 
 inline bool holds(frames::FrameGeometry geometry, uint32_t pitch, uint64_t size) {
@@ -305,15 +304,15 @@ inline void require_master(const DrmDevice& device) {
     case Mastership::Held:
       return;
     case Mastership::Denied:
-      throw Error(ErrorKind::Device,
-                  fmt::format("{}: cannot become DRM master: permission denied", device.path()),
-                  "another program opened it first: stop the desktop session, plymouth or the "
-                  "other player ('fuser -v' on the card names it)");
+      throw device_error("{}: cannot become DRM master: permission denied", device.path())
+          .remedy(
+              "another program opened it first: stop the desktop session, plymouth or the "
+              "other player ('fuser -v' on the card names it)");
     case Mastership::Busy:
-      throw Error(ErrorKind::Device,
-                  fmt::format("{}: cannot become DRM master: in use", device.path()),
-                  "stop the desktop session, plymouth or the other player ('fuser -v' on the card "
-                  "names it)");
+      throw device_error("{}: cannot become DRM master: in use", device.path())
+          .remedy(
+              "stop the desktop session, plymouth or the other player ('fuser -v' on the card "
+              "names it)");
   }
 }
 
@@ -324,9 +323,8 @@ inline void require_caps(const DrmDevice& device) {
                               : !caps.dumb_buffers         ? "dumb buffers"
                               : !caps.monotonic_timestamps ? "monotonic timestamps"
                                                            : "the CRTC in its events";
-  throw Error(ErrorKind::Device,
-              fmt::format("{}: driver {} lacks {}", device.path(), device.driver(), missing),
-              "use a card with a kernel modesetting driver (nvidia: nvidia_drm.modeset=1)");
+  throw device_error("{}: driver {} lacks {}", device.path(), device.driver(), missing)
+      .remedy("use a card with a kernel modesetting driver (nvidia: nvidia_drm.modeset=1)");
 }
 
 /// Throws Error(Quality) if the output is known to change subpixels and that is not allowed.
@@ -337,10 +335,9 @@ inline void require_exact(const KmsOptions& options, const KmsOutput& output) {
   for (const std::string& reason : report.reasons) why += (why.empty() ? "" : "; ") + reason;
   std::string hint;
   for (const std::string& remedy : report.remedies) hint += remedy + ", or ";
-  throw Error(ErrorKind::Quality,
-              fmt::format("{} on {}: subpixels would not arrive unchanged: {}", output.name(),
-                          output.device().path(), why),
-              hint + "use --allow-inexact to show frames anyway");
+  throw quality_error("{} on {}: subpixels would not arrive unchanged: {}", output.name(),
+                      output.device().path(), why)
+      .remedy(hint + "use --allow-inexact to show frames anyway");
 }
 
 inline ActiveOutput open_new_output(const KmsOptions& options, std::optional<DrmDevice> previous) {

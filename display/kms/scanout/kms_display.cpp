@@ -9,7 +9,7 @@
 #include <cstring>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "display/kms/device/drm_events.h"
 #include "display/kms/device/drm_properties.h"
 #include "display/kms/scanout/active_output.h"
@@ -84,8 +84,8 @@ void check_options(const KmsOptions& options) {
   if (options.output.panel.format != frames::PixelFormat::Rgb8)
     throw Error(ErrorKind::Usage, "kms: only 8-bit RGB frames can be shown");
   if (options.buffers < kMinScanoutBuffers || options.buffers > kMaxScanoutBuffers)
-    throw Error(ErrorKind::Usage, fmt::format("kms: {} scan-out buffers", options.buffers),
-                fmt::format("use {} to {}", kMinScanoutBuffers, kMaxScanoutBuffers));
+    throw usage_error("kms: {} scan-out buffers", options.buffers)
+        .remedy(fmt::format("use {} to {}", kMinScanoutBuffers, kMaxScanoutBuffers));
 }
 
 /// The reasons for which the kernel refuses a commit, by the reaction that each needs.

@@ -21,7 +21,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "display/clock.h"
 #include "display/kms/color/exactness_audit.h"
 #include "display/kms/device/connector.h"
@@ -211,15 +211,13 @@ class OutputPipe {
   static PipeTables read_tables(int fd, const Pipe& pipe) {
     auto tables = PipeTables::read(fd, pipe.connector.id, pipe.crtc, pipe.plane);
     if (tables) return std::move(*tables);
-    throw Error(ErrorKind::Device, fmt::format("{}: vanished", pipe.connector.name));
+    throw device_error("{}: vanished", pipe.connector.name);
   }
 
   static BlobId make_mode_blob(int fd, const drmModeModeInfo& mode) {
     uint32_t id = 0;
     const int error = drmModeCreatePropertyBlob(fd, &mode, sizeof(mode), &id);
-    if (error != 0)
-      throw Error(ErrorKind::Device,
-                  fmt::format("kms: cannot create a mode: {}", std::strerror(-error)));
+    if (error != 0) throw device_error("kms: cannot create a mode: {}", std::strerror(-error));
     return {fd, id};
   }
 
@@ -526,10 +524,9 @@ class KmsOutput {
       }
   }
   [[noreturn]] void fail(int error) const {
-    throw Error(ErrorKind::Device,
-                fmt::format("{} on {}: cannot show {}: {}", name(), device_.path(),
-                            to_string(pipe().mode), std::strerror(error)),
-                hint_for(error));
+    throw device_error("{} on {}: cannot show {}: {}", name(), device_.path(),
+                       to_string(pipe().mode), std::strerror(error))
+        .remedy(hint_for(error));
   }
   void remember(uint32_t framebuffer) {
     for (const auto& pipe : pipes_) pipe->remember(framebuffer);
