@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/mman.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,7 +12,6 @@
 #include "base/error_kinds.h"
 #include "base/temporary.h"
 #include "base/text.h"
-#include "base/unique_fd.h"
 
 namespace lenticule {
 namespace {

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "frames/text.h"
-
 namespace lenticule::display {
 namespace {
 

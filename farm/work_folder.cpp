@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "farm/work_folder.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <atomic>
 #include <map>
@@ -10,14 +8,8 @@
 #include <thread>
 #include <type_traits>
 
-#include "base/error_kinds.h"
-#include "base/file.h"
-#include "base/json_output.h"
 #include "base/numbers.h"
-#include "base/temporary.h"
 #include "base/text.h"
-#include "farm/sequence_joiner.h"
-#include "optics/json_fields.h"
 
 namespace lenticule::farm {
 namespace {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optics/toml.h"
 
-#include "base/error_kinds.h"
-
 namespace lenticule::optics {
 namespace {
 

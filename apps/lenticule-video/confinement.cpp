@@ -18,17 +18,12 @@
 #include <array>
 #include <cerrno>
 #include <csignal>
-#include <cstdint>
 #include <cstdio>
 #include <cstring>
 #include <memory>
-#include <optional>
-#include <string>
 #include <utility>
-#include <vector>
 
 #include "base/error.h"
-#include "base/unique_fd.h"
 
 namespace lenticule::video {
 namespace {

@@ -17,7 +17,6 @@
 #include <span>
 #include <string>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include "apps/lenticule-video/clip_reader.h"

@@ -14,7 +14,6 @@
 #include "apps/lenticule/cli/option.h"
 #include "base/print.h"
 #include "frames/image_io.h"
-#include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/rig_choice.h"

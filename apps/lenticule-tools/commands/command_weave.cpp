@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,7 +22,6 @@
 #include "optics/trim.h"
 #include "player/playback/play_statistics.h"
 #include "player/process/interrupt.h"
-#include "player/process/progress.h"
 #include "player/process/rig_choice.h"
 #include "player/sources/pictures.h"
 #include "player/sources/weaving_source.h"

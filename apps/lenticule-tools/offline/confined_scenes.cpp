@@ -2,7 +2,6 @@
 #include "apps/lenticule-tools/offline/confined_scenes.h"
 
 #include <fmt/format.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 

@@ -11,8 +11,6 @@
 #include <cmath>
 #include <filesystem>
 #include <initializer_list>
-#include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 

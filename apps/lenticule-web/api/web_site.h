@@ -34,7 +34,6 @@
 #include "apps/lenticule-web/link/player_state.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "base/numbers.h"
 #include "base/print.h"
 #include "base/subprocess.h"
 #include "base/temporary.h"

@@ -19,7 +19,6 @@
 #include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/link/control_link.h"
 #include "base/error.h"
-#include "base/print.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
 

@@ -2,7 +2,6 @@
 #include "display/kms/color/exactness_rules.h"
 
 #include <algorithm>
-#include <array>
 
 namespace lenticule::display {
 namespace {

@@ -11,7 +11,6 @@
 
 #include "base/error_kinds.h"
 #include "display/kms/device/drm_events.h"
-#include "display/kms/device/drm_properties.h"
 #include "display/kms/scanout/active_output.h"
 #include "display/kms/scanout/kms_output.h"
 #include "display/kms/scanout/page_flip.h"
