@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -56,6 +57,18 @@ void add_priors(ceres::Problem& problem, double* block, int size,
     means[priors[k].at] = priors[k].mean;
   }
   problem.AddResidualBlock(new ceres::NormalPrior(weights, means), nullptr, block);
+}
+
+std::vector<std::vector<double>> correlations_of(const MatrixXd& covariance) {
+  std::vector<std::vector<double>> correlations(static_cast<size_t>(covariance.rows()));
+  for (Eigen::Index a = 0; a < covariance.rows(); ++a)
+    for (Eigen::Index b = 0; b < covariance.rows(); ++b) {
+      const double scale = std::sqrt(covariance(a, a) * covariance(b, b));
+      correlations[static_cast<size_t>(a)].push_back(scale > 0.0 ? covariance(a, b) / scale
+                                                     : a == b    ? 1.0
+                                                                 : 0.0);
+    }
+  return correlations;
 }
 
 SymmetricAxes axes_of_symmetric(const MatrixXd& a) {

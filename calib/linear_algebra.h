@@ -34,6 +34,9 @@ struct Prior {
 /// Adds a term (unknown - mean) / sigma for each prior to a block of `size` unknowns.
 void add_priors(ceres::Problem& problem, double* block, int size, const std::vector<Prior>& priors);
 
+/// Returns the correlations of values with this covariance; 0 between values of which one is exact.
+[[nodiscard]] std::vector<std::vector<double>> correlations_of(const Eigen::MatrixXd& covariance);
+
 /// SymmetricAxes holds the eigenvalues of a symmetric matrix, smallest first, and its normalised
 /// eigenvectors in columns.
 struct SymmetricAxes {

@@ -200,4 +200,18 @@ RgbPicture simulate_eye(const OpticalModel& model, RgbView woven, const Eye& eye
   return picture;
 }
 
+double largest_phase_difference(const Rig& a, const Eye& eye_a, const Rig& b, const Eye& eye_b) {
+  constexpr int kSteps = 16, kGreen = 1;
+  const OpticalModel model_a(a), model_b(b);
+  double largest = 0.0;
+  for (int row = 0; row <= kSteps; ++row)
+    for (int column = 0; column <= kSteps; ++column) {
+      const double x = static_cast<double>(a.panel.width_px) * column / kSteps;
+      const double y = static_cast<double>(a.panel.height_px) * row / kSteps;
+      const double off = model_a.phase(x, y, kGreen, eye_a) - model_b.phase(x, y, kGreen, eye_b);
+      largest = std::max(largest, std::abs(off - std::round(off)));
+    }
+  return largest;
+}
+
 }  // namespace lenticule::optics

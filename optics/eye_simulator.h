@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Simulates the picture that an eye at one position sees through the lens sheet on a woven frame.
+// Simulates the picture that an eye at one position sees through the lens sheet on a woven frame,
+// and compares the phases that eyes see.
 #pragma once
 
 #include <cstddef>
@@ -36,5 +37,10 @@ struct EyeOptions {
 /// the panel's, or the eye is not in front of the panel.
 [[nodiscard]] RgbPicture simulate_eye(const OpticalModel& model, RgbView woven, const Eye& eye,
                                       const EyeOptions& options = {});
+
+/// Returns the largest difference of the phases of two rigs over the first one's panel, each seen
+/// by its own eye, in lenses and without whole ones.
+[[nodiscard]] double largest_phase_difference(const Rig& a, const Eye& eye_a, const Rig& b,
+                                              const Eye& eye_b);
 
 }  // namespace lenticule::optics

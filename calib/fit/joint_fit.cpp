@@ -599,10 +599,7 @@ class Bundle {
       if (!held_sheet) place.push_back(k);
     }
     MatrixXd outer = MatrixXd::Zero(all, all);
-    for (size_t a = 0; a < place.size(); ++a)
-      for (size_t b = 0; b < place.size(); ++b)
-        outer(place[a], place[b]) =
-            inner(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+    outer(place, place) = inner.topLeftCorner(std::ssize(place), std::ssize(place));
     return outer;
   }
 
@@ -740,7 +737,9 @@ class GapSearch {
             const optics::Panel& panel)
       : sheet_(views, poses, panel), start_(start), views_(views.size()) {
     base_ = sheet_.project(sheet_.without_gap());
-    for (size_t v = 1; v < views_; ++v) ones_.push_back(sheet_.project(sheet_.one_in_view(v)));
+    ones_.resize(base_.size(), static_cast<Eigen::Index>(views_) - 1);
+    for (Eigen::Index v = 0; v < ones_.cols(); ++v)
+      ones_.col(v) = sheet_.project(sheet_.one_in_view(static_cast<size_t>(v) + 1));
   }
 
   std::vector<GapCandidate> run() {
@@ -765,24 +764,17 @@ class GapSearch {
 
   /// Returns the views' offsets by least squares, rounded.
   [[nodiscard]] std::vector<int> lacking(const VectorXd& rest) const {
-    const auto count = static_cast<Eigen::Index>(ones_.size());
-    MatrixXd normal(count, count);
-    VectorXd right(count);
-    for (Eigen::Index a = 0; a < count; ++a) {
-      for (Eigen::Index b = 0; b < count; ++b)
-        normal(a, b) = ones_[static_cast<size_t>(a)].dot(ones_[static_cast<size_t>(b)]);
-      right[a] = -ones_[static_cast<size_t>(a)].dot(rest);
-    }
-    const VectorXd offsets = solve_symmetric(normal, right);
+    const VectorXd offsets =
+        solve_symmetric(ones_.transpose() * ones_, -(ones_.transpose() * rest));
     std::vector<int> wholes{0};
-    for (Eigen::Index a = 0; a < count; ++a)
-      wholes.push_back(static_cast<int>(std::lround(offsets[a])));
+    for (const double offset : offsets) wholes.push_back(static_cast<int>(std::lround(offset)));
     return wholes;
   }
 
   void try_wholes(const std::vector<int>& wholes, const VectorXd& per_gap, double shape) {
     VectorXd rest = base_;
-    for (size_t v = 1; v < views_; ++v) rest += wholes[v] * ones_[v - 1];
+    for (size_t v = 1; v < views_; ++v)
+      rest += wholes[v] * ones_.col(static_cast<Eigen::Index>(v) - 1);
     const double gap = -rest.dot(per_gap) / per_gap.squaredNorm();
     if (!(gap > kSmallestGapPart * start_.values[kGap] &&
           gap < kLargestGapPart * start_.values[kGap]))
@@ -823,7 +815,7 @@ class GapSearch {
   SheetStart start_;
   size_t views_;
   VectorXd base_;
-  std::vector<VectorXd> ones_;
+  MatrixXd ones_;  ///< a column for each view but the first
   std::vector<GapCandidate> found_;
 };
 

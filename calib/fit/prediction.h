@@ -90,14 +90,7 @@ class Prediction {
                          {"refraction_shape", "", {s[kShape], sigma(4)}},
                          {"fringe_aberration", "gaps", {s[kAberration], sigma(5)}},
                          {"lens_sag", "gaps", {s[kSag], sigma(6)}}};
-    for (int a = 0; a < kSheetCount; ++a) {
-      std::vector<double> row;
-      for (int b = 0; b < kSheetCount; ++b) {
-        const double both = sigma(a) * sigma(b);
-        row.push_back(both > 0.0 ? variance(a, b) / both : a == b ? 1.0 : 0.0);
-      }
-      report.correlations.push_back(row);
-    }
+    report.correlations = correlations_of(variance);
     return report;
   }
   [[nodiscard]] Vec3 eye_sigma(size_t view) const {

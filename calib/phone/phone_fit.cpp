@@ -35,7 +35,7 @@
 #include "base/statistics.h"
 #include "calib/fit/projection.h"
 #include "calib/linear_algebra.h"
-#include "optics/model.h"
+#include "optics/eye_simulator.h"
 
 namespace lenticule::calib {
 namespace {
@@ -766,21 +766,13 @@ optics::Rig rig_of(const PhoneFit& fit, const optics::Rig& start) {
   return rig;
 }
 
-/// Returns the largest difference of the phases of two rigs over the panel.
+/// Returns the largest difference of the phases of two rigs over the panel, for any of the eyes.
 double largest_difference(const optics::Rig& one, const optics::Rig& other,
                           const std::vector<Vec3>& eyes) {
-  constexpr int kColumns = 13, kRows = 8, kGreen = 1;
-  const optics::OpticalModel a(one), b(other);
   double largest = 0.0;
   for (const Vec3& at : eyes) {
     const optics::Eye eye{at.x, at.y, at.z};
-    for (int r = 0; r < kRows; ++r)
-      for (int c = 0; c < kColumns; ++c) {
-        const double x = one.panel.width_px * static_cast<double>(c) / (kColumns - 1);
-        const double y = one.panel.height_px * static_cast<double>(r) / (kRows - 1);
-        const double off = a.phase(x, y, kGreen, eye) - b.phase(x, y, kGreen, eye);
-        largest = std::max(largest, std::abs(off - std::round(off)));
-      }
+    largest = std::max(largest, optics::largest_phase_difference(one, eye, other, eye));
   }
   return largest;
 }

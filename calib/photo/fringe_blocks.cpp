@@ -4,7 +4,6 @@
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
 
-#include <Eigen/Core>
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -221,12 +220,11 @@ bool solve(ceres::Problem& problem) {
 
 /// Returns the covariance row by row; NaN if it cannot be determined.
 std::array<double, 9> eye_covariance(ceres::Problem& problem, Unknowns& unknowns) {
-  const Eigen::Matrix3d eye =
+  std::array<double, 9> out{};
+  Eigen::Map<Eigen::Matrix3d>(out.data()) =
       inverse_of_normal_equations(
           problem, {unknowns.lens.data(), unknowns.rotation.data(), unknowns.eye.data()})
           .bottomRightCorner<3, 3>();
-  std::array<double, 9> out{};
-  std::copy_n(eye.data(), out.size(), out.begin());
   return out;
 }
 

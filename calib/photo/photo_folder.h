@@ -27,9 +27,11 @@ namespace lenticule::calib {
 
 inline constexpr size_t kMaxPhotographs = 10'000;
 
+/// Returns true for a picture file that is not hidden, also for HEIC, which phones store by
+/// default.
 inline bool is_photograph(const std::filesystem::path& file) {
-  constexpr std::array<std::string_view, 6> kExtensions = {".png", ".jpg",  ".jpeg",
-                                                           ".tif", ".tiff", ".exr"};
+  constexpr std::array<std::string_view, 8> kExtensions = {".jpg", ".jpeg", ".png",  ".tif",
+                                                           ".exr", ".tiff", ".heic", ".heif"};
   const std::string extension = lower_case(file.extension().string());
   std::error_code unreadable;  // an unreadable entry counts as not a regular file
   return file.filename().string()[0] != '.' &&
@@ -73,9 +75,9 @@ inline std::vector<std::filesystem::path> photographs_in(const std::filesystem::
   return picture;
 }
 
-/// PhotoFolder reads the PNG, JPEG, TIFF and EXR files of a folder, except files whose name begins
-/// with a dot. Integer files are assumed to be sRGB. Pictures have three channels and keep the
-/// camera's orientation: the orientation tag is ignored.
+/// PhotoFolder reads the PNG, JPEG, TIFF, EXR and HEIC files of a folder, except files whose name
+/// begins with a dot. Integer files are assumed to be sRGB. Pictures have three channels and keep
+/// the camera's orientation: the orientation tag is ignored.
 class PhotoFolder final : public Camera {
  public:
   /// Throws Error(Input) if the folder cannot be read, more than `may_lack` of the `wanted`

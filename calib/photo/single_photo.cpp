@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -175,11 +174,9 @@ PlaneCorrection fit_plane(const std::vector<FringeBlock>& blocks) {
   const Terms& solution = regression.solution();
   out.add = {solution[0], solution[1], solution[2]};
   const double freedom = std::max(out.used - kTerms, 1);
-  const Normal covariance =
-      regression.inverse() * (out.rms_lenses * out.rms_lenses * out.used / freedom);
-  for (int r = 0; r < kPlaneTerms; ++r)
-    for (int c = 0; c < kPlaneTerms; ++c)
-      out.covariance[static_cast<size_t>(kPlaneTerms * r + c)] = covariance(r, c);
+  Eigen::Map<Eigen::Matrix3d>(out.covariance.data()) =
+      regression.inverse().topLeftCorner<kPlaneTerms, kPlaneTerms>() *
+      (out.rms_lenses * out.rms_lenses * out.used / freedom);
   return out;
 }
 
@@ -595,40 +592,30 @@ struct PhotoMeasurement {
 
 constexpr int kGreen = 1;
 
-using Matrix3 = std::array<std::array<double, 3>, 3>;
-
 /// Returns the covariance of at, across and down from the scatter of the blocks and the camera's
 /// distance.
-Matrix3 plane_covariance(const PhotoMeasurement& work) {
-  const std::array<double, 3> farther = {work.farther.at, work.farther.across, work.farther.down};
-  Matrix3 out{};
-  for (size_t i = 0; i < 3; ++i)
-    for (size_t j = 0; j < 3; ++j)
-      out[i][j] = work.sheet.correction.covariance[3 * i + j] + farther[i] * farther[j];
-  return out;
+Eigen::Matrix3d plane_covariance(const PhotoMeasurement& work) {
+  const Eigen::Vector3d farther(work.farther.at, work.farther.across, work.farther.down);
+  return Eigen::Map<const Eigen::Matrix3d>(work.sheet.correction.covariance.data()) +
+         farther * farther.transpose();
 }
 
 /// Effective holds effective pitch, slant and offset with their correlations.
 struct Effective {
-  std::array<Estimate, 3> estimates;
-  std::vector<std::vector<double>> correlations;
+  Estimate estimates[3]{};
+  std::vector<std::vector<double>> correlations{};
 };
 
 /// Transforms the covariance of at, across and down to that of pitch, slant and offset.
-Matrix3 carried_over(const Matrix3& covariance, const LensPlane& plane,
-                     const optics::Panel& panel) {
+Eigen::Matrix3d carried_over(const Eigen::Matrix3d& covariance, const LensPlane& plane,
+                             const optics::Panel& panel) {
   const double shape = double(panel.width_px) / panel.height_px;
   const double pitch = 3.0 * panel.width_px / plane.across;
-  const Matrix3 slopes = {
-      {{0.0, -pitch / plane.across, 0.0},
-       {0.0, -plane.down * shape / (plane.across * plane.across), shape / plane.across},
-       {1.0, 0.0, 0.0}}};
-  Matrix3 out{};
-  for (size_t i = 0; i < 3; ++i)
-    for (size_t j = 0; j < 3; ++j)
-      for (size_t k = 0; k < 9; ++k)
-        out[i][j] += slopes[i][k / 3] * slopes[j][k % 3] * covariance[k / 3][k % 3];
-  return out;
+  const Eigen::Matrix3d slopes{
+      {0.0, -pitch / plane.across, 0.0},
+      {0.0, -plane.down * shape / (plane.across * plane.across), shape / plane.across},
+      {1.0, 0.0, 0.0}};
+  return slopes * covariance * slopes.transpose();
 }
 
 /// Returns the plane as the eye sees the sheet: over panel points, with the effective pitch as P
@@ -648,18 +635,11 @@ LensPlane effective_plane(const optics::Rig& rig, const Vec3& eye_mm) {
 Effective effective_of(const PhotoMeasurement& work) {
   const LensPlane plane = effective_plane(work.sheet.rig, work.camera.pose->eye_mm);
   const optics::Panel& panel = work.sheet.rig.panel;
-  const Matrix3 covariance = carried_over(plane_covariance(work), plane, panel);
+  const Eigen::Matrix3d covariance = carried_over(plane_covariance(work), plane, panel);
   const double values[3] = {3.0 * panel.width_px / plane.across, work.sheet.rig.sheet.slant,
                             plane.at - std::round(plane.at)};
-  Effective out;
-  for (size_t i = 0; i < 3; ++i) {
-    out.estimates[i] = {values[i], std::sqrt(covariance[i][i])};
-    out.correlations.emplace_back();
-    for (size_t j = 0; j < 3; ++j) {
-      const double scale = std::sqrt(covariance[i][i] * covariance[j][j]);
-      out.correlations[i].push_back(scale > 0.0 ? covariance[i][j] / scale : i == j ? 1.0 : 0.0);
-    }
-  }
+  Effective out{.correlations = correlations_of(covariance)};
+  for (int i = 0; i < 3; ++i) out.estimates[i] = {values[i], std::sqrt(covariance(i, i))};
   return out;
 }
 
@@ -693,27 +673,24 @@ double variance_of_place(const PhotoMeasurement& work, const optics::OpticalMode
   const auto phase = [&](double x, double y, double z) {
     return model.phase(panel_px.x, panel_px.y, kGreen, {e.x + x, e.y + y, e.z + z});
   };
-  const std::array<double, 3> slopes = {0.5 * (phase(1, 0, 0) - phase(-1, 0, 0)),
-                                        0.5 * (phase(0, 1, 0) - phase(0, -1, 0)),
-                                        0.5 * (phase(0, 0, 1) - phase(0, 0, -1))};
-  double variance = 0.0;
-  for (size_t i = 0; i < 3; ++i)
-    for (size_t j = 0; j < 3; ++j)
-      variance += slopes[i] * slopes[j] * work.camera.pose->doubted_eye[3 * i + j];
-  return variance;
+  const Eigen::Vector3d slopes(0.5 * (phase(1, 0, 0) - phase(-1, 0, 0)),
+                               0.5 * (phase(0, 1, 0) - phase(0, -1, 0)),
+                               0.5 * (phase(0, 0, 1) - phase(0, 0, -1)));
+  const Eigen::Map<const Eigen::Matrix3d> doubted(work.camera.pose->doubted_eye.data());
+  return slopes.dot(doubted * slopes);
 }
 
 /// Returns the drift for this eye only, since the result is valid only there. With `placed`, the
 /// eye is put at the measured millimetres; otherwise the eye is at the true position of the camera.
 DriftPrediction drift_of(const PhotoMeasurement& work, bool placed) {
-  const Matrix3 c = plane_covariance(work);
+  const Eigen::Matrix3d covariance = plane_covariance(work);
   const optics::OpticalModel model(work.sheet.rig);
   DriftPrediction worst;
   worst.eye_mm = work.camera.pose->eye_mm;
   for (const double x : {-0.5, 0.5}) {
     for (const double y : {-0.5, 0.5}) {
-      double variance = c[0][0] + x * x * c[1][1] + y * y * c[2][2] +
-                        2.0 * (x * c[0][1] + y * c[0][2] + x * y * c[1][2]);
+      const Eigen::Vector3d corner(1.0, x, y);
+      double variance = corner.dot(covariance * corner);
       const optics::Panel& panel = work.sheet.rig.panel;
       if (placed)
         variance += variance_of_place(work, model,

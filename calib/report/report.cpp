@@ -14,6 +14,7 @@
 #include "base/json_output.h"
 #include "base/numbers.h"
 #include "base/text.h"
+#include "optics/eye_simulator.h"
 
 namespace lenticule::calib {
 namespace {
@@ -305,30 +306,11 @@ ResidualSummary residual_summary(const Calibration& calibration, bool held_out) 
 
 namespace {
 
-constexpr int kGreen = 1;
-
 /// Situation is a rig seen by an eye.
 struct Situation {
   optics::Rig rig;
   optics::Eye eye;
 };
-
-double worst_difference(const Situation& a, const Situation& b) {
-  constexpr int kSteps = 16;
-  const optics::OpticalModel model_a(a.rig), model_b(b.rig);
-  const optics::Panel& panel = a.rig.panel;
-  double worst = 0.0;
-  for (int r = 0; r <= kSteps; ++r) {
-    for (int c = 0; c <= kSteps; ++c) {
-      const double x = static_cast<double>(panel.width_px) * c / kSteps;
-      const double y = static_cast<double>(panel.height_px) * r / kSteps;
-      const double difference =
-          model_a.phase(x, y, kGreen, a.eye) - model_b.phase(x, y, kGreen, b.eye);
-      worst = std::max(worst, std::abs(difference));
-    }
-  }
-  return worst;
-}
 
 struct Change {
   const char* unit;  ///< unit of `amount`
@@ -357,7 +339,7 @@ constexpr Change kChanges[] = {
 Sensitivity sensitivity_of(const Change& change, const Situation& now) {
   Situation then = now;
   change.apply(then, change.amount);
-  const double worst = worst_difference(now, then);
+  const double worst = optics::largest_phase_difference(now.rig, now.eye, then.rig, then.eye);
   const double allowed = change.amount * kVisiblePhaseLenses / std::max(worst, 1e-12);
   return {.change = fmt::format(fmt::runtime(change.words), change.amount, change.unit),
           .worst_lenses = worst,

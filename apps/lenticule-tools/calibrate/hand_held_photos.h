@@ -7,7 +7,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -21,7 +20,6 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -198,20 +196,12 @@ class PhotoArrivals {
   }
 
  private:
-  /// Returns true also for HEIC, which phones store by default.
-  static bool is_picture(const std::filesystem::path& file) {
-    constexpr std::array<std::string_view, 8> kExtensions = {".jpg", ".jpeg", ".png",  ".tif",
-                                                             ".exr", ".tiff", ".heic", ".heif"};
-    const std::string extension = lower_case(file.extension().string());
-    return file.filename().string().front() != '.' &&
-           std::ranges::find(kExtensions, extension) != kExtensions.end();
-  }
   [[nodiscard]] std::map<std::filesystem::path, uintmax_t> sizes() const {
     std::map<std::filesystem::path, uintmax_t> out;
     std::error_code error;
     for (const std::filesystem::path& file : entries_of(folder_, &error)) {
       std::error_code vanished;  // a file may be renamed between two calls
-      if (!is_picture(file) || !std::filesystem::is_regular_file(file, vanished)) continue;
+      if (!calib::is_photograph(file)) continue;
       const uintmax_t size = std::filesystem::file_size(file, vanished);
       if (!vanished && size > 0) out.emplace(file, size);
     }

@@ -22,6 +22,7 @@
 #include "base/json_output.h"
 #include "base/print.h"
 #include "optics/calibration_import.h"
+#include "optics/eye_simulator.h"
 #include "optics/model.h"
 #include "optics/rig.h"
 #include "optics/rig_file.h"
@@ -426,22 +427,6 @@ ExitCode import_calibration(const RigOptions& options) {
   return kOk;
 }
 
-/// Returns the largest difference in phase over the panel between the rig and the exported file:
-/// the other formats have no viewing distance and no refraction.
-double largest_phase_error(const Rig& rig, const Rig& exported) {
-  constexpr int kAcross = 32;
-  const OpticalModel ours(rig), theirs(exported);
-  double largest = 0.0;
-  for (int n = 0; n <= kAcross * kAcross; ++n) {
-    const double x = rig.panel.width_px * (n % (kAcross + 1)) / static_cast<double>(kAcross);
-    const double y = rig.panel.height_px * (n / (kAcross + 1)) / static_cast<double>(kAcross);
-    const double difference =
-        ours.phase(x, y, 1, ours.design_eye()) - theirs.phase(x, y, 1, theirs.design_eye());
-    largest = std::max(largest, std::abs(difference - std::round(difference)));
-  }
-  return largest;
-}
-
 ExitCode export_calibration(const RigOptions& options) {
   if (options.output.empty() || options.format == "auto")
     throw Error(ErrorKind::Usage, "rig export: no output requested",
@@ -449,8 +434,9 @@ ExitCode export_calibration(const RigOptions& options) {
   const Rig rig = optics::load_trimmed_rig(options.file);
   const std::string text =
       options.format == "cubevi" ? optics::export_cubevi(rig) : optics::export_looking_glass(rig);
-  const double error =
-      largest_phase_error(rig, import_as(options.format, text, options.output).rig);
+  const Rig exported = import_as(options.format, text, options.output).rig;
+  const double error = optics::largest_phase_difference(
+      rig, OpticalModel(rig).design_eye(), exported, OpticalModel(exported).design_eye());
   write_text_file(options.output, text);
   if (error > 0.01) {
     say("lenticule: {}: up to {:.3f} lens off at the panel's edges\n"
