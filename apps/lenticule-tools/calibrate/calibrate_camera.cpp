@@ -93,6 +93,14 @@ ExitCode list_all(bool as_json) {
   return kOk;
 }
 
+/// Returns a white picture with marks, which show where the panel is.
+frames::WovenFrame white_frame(const optics::Rig& rig) {
+  const calib::Pattern white{.shape = calib::Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = 3};
+  frames::WovenFrame frame;
+  calib::draw_pattern(white, rig.panel, frame);
+  return frame;
+}
+
 class CameraRun {
  public:
   explicit CameraRun(const CameraFlags& flags)
@@ -108,7 +116,7 @@ class CameraRun {
     std::vector<calib::ViewpointMeasurement> measured;
     for (int v = 0; v < flags_.viewpoints; ++v) {
       const Place& place = kPlaces[static_cast<size_t>(v)];
-      show_white();
+      panel_->show(white_frame(model_.rig()));
       if (!flags_.no_prompts) wait_for_person(place, v);
       if (player::interrupted()) return player::interrupt_exit_code();
       measured.push_back(measure(place, v));
@@ -123,13 +131,6 @@ class CameraRun {
   }
 
  private:
-  void show_white() {
-    const calib::Pattern white{.shape = calib::Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = 3};
-    frames::WovenFrame frame;
-    calib::draw_pattern(white, model_.rig().panel, frame);
-    panel_->show(frame);
-  }
-
   /// Waits for the user. Meanwhile the panel is white, and pictures of it show whether the camera
   /// and the light are right.
   void wait_for_person(const Place& place, int number) {
@@ -261,118 +262,28 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
           }};
 }
 
-// lenticule calibrate show shows any of the patterns on a display, or writes it to a file.
+// lenticule calibrate show shows the photo chart or a white picture on a display, or writes it to a
+// file.
 
 namespace {
-
-using calib::Channels;
-using calib::Pattern;
-using frames::WovenFrame;
 
 struct ShowFlags : DisplayFlags {
   std::string pattern;
   std::string rig;
   std::string output;
-  double phase = 0.0;
-  double pitch_factor = 1.0;
-  std::string channel = "all";
   double seconds = 0.0;
   bool json = false;
 };
 
-struct Subject {
-  const optics::OpticalModel& model;
-  const ShowFlags& flags;
-  Channels channels;
-
-  /// Returns the pitch seen by an eye in the middle of the viewing line.
-  [[nodiscard]] double pitch() const {
-    return flags.pitch_factor * optics::effective_sheet(model.rig()).pitch.value;
-  }
-};
-
-using MakePattern = Pattern (*)(const Subject& subject);
-
-struct NamedPattern {
-  const char* name;
-  const char* what;
-  MakePattern make;
-};
-
-Pattern flat(const Subject& subject, double light) {
-  return {.shape = calib::Flat{{light, light, light}}, .channels = subject.channels};
-}
-
-Pattern wave(const Subject& subject, bool vertical) {
-  const optics::Panel& panel = subject.model.rig().panel;
-  return {.shape = calib::Wave{.vertical = vertical,
-                               .period_px = (vertical ? panel.height_px : panel.width_px) / 8.0,
-                               .phase = subject.flags.phase},
-          .channels = subject.channels};
-}
-
-Pattern comb(const Subject& subject) {
-  const optics::LensSheet& sheet = subject.model.rig().sheet;
-  const double pitch = subject.pitch();
-  return {.shape = calib::Comb{.phase = {.constant = sheet.offset.value,
-                                         .per_px_x = 3.0 / pitch,
-                                         .per_px_y = 3.0 * sheet.slant / pitch},
-                               .place = subject.flags.phase,
-                               .width = 0.25},
-          .channels = subject.channels};
-}
-
-const std::vector<NamedPattern>& patterns() {
-  static const std::vector<NamedPattern> table = {
-      {"black", "no light: shows room light and reflections",
-       [](const Subject& s) { return flat(s, 0.0); }},
-      {"white", "full light: for framing and exposure",
-       [](const Subject& s) { return flat(s, 1.0); }},
-      {"fringes", "a sinusoid one lens wide: seen through the sheet, a few wide fringes",
-       [](const Subject& s) {
-         return Pattern{.shape = calib::Fringe{.pitch_subpx = s.pitch(),
-                                               .slant = s.model.rig().sheet.slant,
-                                               .phase = s.flags.phase},
-                        .channels = s.channels};
-       }},
-      {"wave-x", "a wide horizontal sinusoid: shows which panel point is seen",
-       [](const Subject& s) { return wave(s, false); }},
-      {"wave-y", "the same, vertical", [](const Subject& s) { return wave(s, true); }},
-      {"comb", "a quarter of each lens lit, at --phase: shows lens spot and crosstalk", comb},
-      {"columns", "every other column of pixels: colours wash out on a 4:2:0 link",
-       [](const Subject& s) { return Pattern{.shape = calib::Columns{}, .channels = s.channels}; }},
-      {"checks", "squares of one pixel: bands appear where the panel scales",
-       [](const Subject& s) { return Pattern{.shape = calib::Checks{}, .channels = s.channels}; }},
-  };
-  return table;
-}
-
-constexpr const char* kPhotoChart = "photo-chart";
-
-std::vector<std::string> pattern_names() {
-  std::vector<std::string> names;
-  for (const NamedPattern& pattern : patterns()) names.emplace_back(pattern.name);
-  names.emplace_back(kPhotoChart);
-  return names;
-}
-
-WovenFrame draw(const ShowFlags& flags, const optics::OpticalModel& model) {
-  if (flags.pattern == kPhotoChart)
-    return calib::draw_single_photo_chart(calib::plan_single_photo_chart(model.rig()));
-  Subject subject{model, flags, {}};
-  const std::vector<std::string> names = {"red", "green", "blue"};
-  const auto channel = std::ranges::find(names, flags.channel);
-  if (channel != names.end())
-    subject.channels = Channels::only(static_cast<int>(channel - names.begin()));
-  const auto named = std::ranges::find(patterns(), flags.pattern, &NamedPattern::name);
-  WovenFrame frame;
-  calib::draw_pattern(named->make(subject), model.rig().panel, frame);
-  return frame;
+frames::WovenFrame draw(const ShowFlags& flags, const optics::Rig& rig) {
+  return flags.pattern == "white"
+             ? white_frame(rig)
+             : calib::draw_single_photo_chart(calib::plan_single_photo_chart(rig));
 }
 
 ExitCode show_pattern(const ShowFlags& flags) {
-  const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
-  const WovenFrame frame = draw(flags, model);
+  const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
+  const frames::WovenFrame frame = draw(flags, rig);
   if (!flags.output.empty()) {
     frames::write_woven(frame.view(), flags.output);
     if (flags.json)
@@ -381,7 +292,7 @@ ExitCode show_pattern(const ShowFlags& flags) {
       print_out("{}: {}\n", flags.output, flags.pattern);
     return kOk;
   }
-  PatternDisplay panel(flags, model.rig());
+  PatternDisplay panel(flags, rig);
   panel.show(frame);
   const std::string mode = panel.device().mode().name;
   say("{} on {}{}\n", flags.pattern, mode, flags.seconds > 0.0 ? "" : ", until Ctrl-C");
@@ -396,25 +307,16 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
   const auto flags = std::make_shared<ShowFlags>();
   CLI::App* way = app.add_subcommand("show", "show a pattern on a display, or write it to a file")
                       ->group(kWithoutCamera);
-  std::string help = "Patterns:\n";
-  for (const NamedPattern& pattern : patterns())
-    help += fmt::format("  {:<12} {}\n", pattern.name, pattern.what);
-  help += fmt::format("  {:<12} fringes and tags for calibrate photos with a single photograph\n",
-                      kPhotoChart);
-  way->footer(help + "Example:\n  lenticule calibrate show fringes --display kms");
-  way->add_option("PATTERN", flags->pattern, "name of the pattern, see below")
+  way->footer("Example:\n  lenticule calibrate show photo-chart --display kms");
+  way->add_option("PATTERN", flags->pattern,
+                  "photo-chart: fringes and tags for calibrate photos; white: for framing and "
+                  "exposure")
       ->required()
-      ->check(CLI::IsMember(pattern_names()));
+      ->check(CLI::IsMember({"photo-chart", "white"}));
   cli::declare_rig_flag(*way, flags->rig);
   declare_display_flags(*way, *flags);
   cli::add_option(*way, "-o,--output FILE", flags->output,
                   "write a picture instead: .png, .tif, .ppm");
-  cli::add_option(*way, "--phase TURNS", flags->phase,
-                  "phase of fringes and waves; of a comb, in lenses");
-  cli::add_option(*way, "--pitch-factor", flags->pitch_factor, "makes fringes wider by this factor")
-      ->check(CLI::Range(0.1, 10.0));
-  cli::add_option(*way, "--channel", flags->channel, "subpixels that show the pattern")
-      ->check(CLI::IsMember({"all", "red", "green", "blue"}));
   cli::add_option(*way, "--seconds SECONDS", flags->seconds, "how long to show it; 0: until Ctrl-C")
       ->check(CLI::NonNegativeNumber);
   way->add_flag("--json", flags->json, "print what was done as JSON");
