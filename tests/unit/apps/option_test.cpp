@@ -25,7 +25,7 @@ TEST(AddTriple, HelpShowsTheTypeAndWrongValuesAreErrorsOfTheCommandLine) {
   CLI::App app;
   Vec3 centre{};
   add_triple(
-      app, "--centre", "X,Y,Z", [&](Vec3 at) { centre = at; }, "a point");
+      app, "--centre X,Y,Z", [&](Vec3 at) { centre = at; }, "a point");
   EXPECT_THAT(app.help(), ::testing::HasSubstr("--centre X,Y,Z"));
   app.parse("--centre -1,2.5,3");
   EXPECT_EQ(centre, (Vec3{-1, 2.5, 3}));
