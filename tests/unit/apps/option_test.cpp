@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule/cli/option.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <CLI/CLI.hpp>
 
-#include "apps/lenticule/cli/option.h"
 #include "base/error.h"
 #include "tests/support/error_matchers.h"
 
