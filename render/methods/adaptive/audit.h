@@ -304,31 +304,37 @@ class AuditErrors {
   std::array<uint32_t, 256> subpixels_{};
 };
 
-/// Number of sets of bands whose mean square may be judged by one evaluation.
+/// Number of sets of bands whose mean square may be judged by one evaluation, each with fewer
+/// errors than the one before.
 inline constexpr int kMeanSquareLooks = 6;
 /// Largest squared error, rounded up so that no factor of bound_of_mean_square() is 0.
 inline constexpr double kLargestSquare = 256.0 * 256.0;
-/// Probability that the bound of a mean square is too low.
-inline constexpr double kSquareDoubt = 0.01 / kMeanSquareLooks;
+/// Probability that the bound of a mean square is too low, and that of look `look`. Most frames are
+/// good at the first look.
+inline constexpr double kSquareDoubt = 0.01;
+constexpr double doubt_of_look(int look) {
+  constexpr double kFirstLook = 0.75;
+  return kSquareDoubt * (look == 0 ? kFirstLook : (1.0 - kFirstLook) / (kMeanSquareLooks - 1));
+}
 /// Part of it that is spent on the first factor, which is the best one unless errors are very
 /// large.
 inline constexpr double kFirstPart = 0.9;
 
 /// Returns an upper bound of the mean squared error of all subpixels: that of the samples, and what
-/// errors of 255 code values may add that no sample shows. With 99 % confidence, none of
-/// kMeanSquareLooks bounds of one frame is too low.
+/// errors of 255 code values may add that no sample shows. With 99 % confidence, none of the bounds
+/// of the looks 0 to kMeanSquareLooks - 1 at one frame is too low.
 /// With x = error^2 / kLargestSquare and 0 < f <= 1, the expected product of 1 - f x over all
 /// samples is at most exp(-f n m), where n m is the sum of the expected x of the samples. So by
 /// Markov's inequality the product exceeds exp(-f n m) / doubt with at most the probability
 /// `doubt`, for samples from any errors. The smallest of the bounds with a few f holds if their
 /// doubts add up.
-[[nodiscard]] inline double bound_of_mean_square(const AuditErrors& errors) {
+[[nodiscard]] inline double bound_of_mean_square(const AuditErrors& errors, int look = 0) {
   constexpr std::array kFactors = {1.0, 0.5, 0.25, 0.125};
   const auto sampled = static_cast<double>(errors.sampled());
   double least = 255.0 * 255.0;
   for (size_t n = 0; n < kFactors.size(); ++n) {
     const double part = n == 0 ? kFirstPart : (1.0 - kFirstPart) / (kFactors.size() - 1.0);
-    double sum = -std::log(part * kSquareDoubt);
+    double sum = -std::log(part * doubt_of_look(look));
     for (int error = 1; error < 256; ++error)
       sum -= static_cast<double>(errors.exactly(error)) *
              std::log1p(-kFactors[n] * error * error / kLargestSquare);
@@ -338,11 +344,11 @@ inline constexpr double kFirstPart = 0.9;
 }
 
 /// Returns one in how many subpixels the evaluation must select so that the bound of a frame
-/// without errors is about a third of `mean_square`: 2 to kSampledOneIn.
+/// without errors is about half of `mean_square`: 2 to kSampledOneIn.
 [[nodiscard]] inline uint32_t sampled_one_in_for(double mean_square, uint64_t subpixels) {
-  constexpr double kParts = 2.9;  // one of them is spent on errors that no sample shows
+  constexpr double kParts = 2.0;  // one of them is spent on errors that no sample shows
   const double samples =
-      kParts * kLargestSquare / mean_square * -std::log(kFirstPart * kSquareDoubt);
+      kParts * kLargestSquare / mean_square * -std::log(kFirstPart * doubt_of_look(0));
   const double one_in = static_cast<double>(subpixels) / samples;
   return static_cast<uint32_t>(std::clamp(one_in, 2.0, double{kSampledOneIn}));
 }

@@ -200,6 +200,7 @@ struct AdaptiveFrame {
     BandCounts counts;
   };
   std::vector<Band> bands;
+  int look = 0;  ///< of limit_mean_square() at the bands that are kept
 
   /// Marks of the samples that were taken: the coarse ones and the others of blocks of
   /// kSampleRows rows of samples, and the bends of rows.
@@ -708,15 +709,16 @@ class AdaptiveWorker {
   }
 
   /// Returns true if a band has errors that full() should remove: too many beyond the tolerated
-  /// error, of which `noise` would be there in any case, or too large ones.
+  /// error, of which `noise` would be there in any case, or too large ones. A promised mean square
+  /// asks for the latter only.
   [[nodiscard]] bool is_rejected(const AuditErrors& retracing, uint64_t noise = 0) const {
-    AuditCounts counts = retracing.counts(frame_.plan.options.tolerated_error);
+    const RenderOptions& options = frame_.plan.options;
+    AuditCounts counts = retracing.counts(options.tolerated_error);
     counts.beyond -= std::min(counts.beyond, noise);
-    if (needs_retracing(counts, kMostBeyond)) return true;
+    if (options.proven_rmse == 0.0 && needs_retracing(counts, kMostBeyond)) return true;
     // With soft light, method full itself is off by its noise.
-    return !frame_.plan.options.soft.any() &&
-           retracing.mean_square() - 2.0 * retracing.standard_error() >
-               kMostOfBand * frame_.plan.most_mean_square;
+    return !options.soft.any() && retracing.mean_square() - 2.0 * retracing.standard_error() >
+                                      kMostOfBand * frame_.plan.most_mean_square;
   }
 
   /// Returns the number of samples of Draw::Retracing whose code under method full exceeds the
@@ -1121,7 +1123,7 @@ class AdaptiveMethod final : public Method {
 
   /// Leaves those bands to method full whose errors are largest, as many as are necessary for the
   /// limit of the frame's mean square. The order of the bands is that of the first selection; what
-  /// is enough is judged by the second, at most kMeanSquareLooks times.
+  /// is enough is judged by the second, in at most kMeanSquareLooks looks.
   void limit_mean_square(AdaptiveFrame& frame) const {
     if (options_.soft.any()) return;  // method full itself is off by its noise
     std::vector<AdaptiveFrame::Band*> worst;
@@ -1135,10 +1137,10 @@ class AdaptiveMethod final : public Method {
       return band->retracing.mean_square();
     });
     size_t next = 0;
-    for (int look = 1; look < kMeanSquareLooks && exceeds_mean_square(frame); ++look) {
-      // Each look retraces the worst bands, until half of the mean square is gone; the last look
-      // retraces all.
-      const double enough = look == kMeanSquareLooks - 1 ? -1.0 : left / 2.0;
+    while (frame.look < kMeanSquareLooks - 1 && exceeds_mean_square(frame)) {
+      // The worst bands are retraced before each look, until half of the mean square is gone; all
+      // are before the last.
+      const double enough = ++frame.look == kMeanSquareLooks - 1 ? -1.0 : left / 2.0;
       while (next < worst.size() && left > enough) {
         left -= worst[next]->retracing.mean_square();
         worst[next++]->retraced = true;
@@ -1149,7 +1151,7 @@ class AdaptiveMethod final : public Method {
   [[nodiscard]] bool exceeds_mean_square(const AdaptiveFrame& frame) const {
     const AuditErrors errors = evaluation_of(frame);
     const double mean_square = options_.proven_rmse > 0.0
-                                   ? bound_of_mean_square(errors)
+                                   ? bound_of_mean_square(errors, frame.look)
                                    : errors.mean_square() + 2.0 * errors.standard_error();
     return mean_square > plan_.most_mean_square;
   }
@@ -1277,7 +1279,7 @@ class AdaptiveMethod final : public Method {
     statistics.audited_rmse = std::sqrt(errors.mean_square());
     if (!keeps_any(frame)) return statistics;  // every band comes from method full
     statistics.beyond_bound = bound_of_share(audit);
-    statistics.rmse_bound = std::sqrt(bound_of_mean_square(errors));
+    statistics.rmse_bound = std::sqrt(bound_of_mean_square(errors, frame.look));
     return statistics;
   }
 
