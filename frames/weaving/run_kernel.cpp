@@ -241,49 +241,102 @@ inline Shorts two_entries(const uint8_t* row, const uint32_t* offset) {
   return reinterpret_cast<Shorts>(entries);
 }
 
-/// Mixes rows and columns of a part: returns the light of its subpixels' two views.
-[[gnu::always_inline]] inline Shorts mix_part(const RunTerms& run, const Quad& quad, int r,
-                                              int part, const Words& step, Words& view_weights) {
-  Words number = quad.view[r] + step;
-  number = number < 0 ? Words{} : number;
-  number = number > run.view_most ? Words{} + run.view_most : number;
-  view_weights = (number >> (kViewBits - kWeightBits)) & run.weight_mask;
-  alignas(32) uint32_t offset[kPartRun];
-  vector_at<Words>(offset).v =
-      ((number >> kViewBits) << 2) + run.colours[(quad.colours >> (2 * r)) & 3][part];
+/// Part holds the inputs of mixing a part of a run, except the light.
+struct Part {
+  Words offsets;  ///< bytes from the pixel to the entries of its subpixels
+  Words view_weights;
+  Shorts column_weights;
+};
 
-  const Shorts& along = run.along_pairs[part];
-  const Shorts moved = along * (quad.column_step[r] + along * quad.column_bend);
-  const Shorts column_weights = static_cast<int16_t>(quad.share[r]) + (moved >> kSlopeBits);
-  const size_t pixel = quad.column[r] * run.column_bytes;
-  const uint8_t *const upper = run.upper[r] + pixel, *const lower = run.lower[r] + pixel;
+/// Batch holds the runs of some records. They pass each step together: the steps of one run depend
+/// on each other, those of several runs do not, and a processor looks only two runs ahead.
+constexpr uint32_t kBatch = 4;
+struct Batch {
+  Part parts[kBatch * kRows][kParts];
+  const uint8_t* upper[kBatch * kRows];  ///< pixels
+  const uint8_t* lower[kBatch * kRows];
+  uint16_t* out[kBatch * kRows];
+  const Shorts* row_weight[kBatch * kRows];
+  int counts[kBatch * kRows];
+  int runs;
+};
+
+/// Adds the runs of a record to a batch.
+[[gnu::always_inline]] inline void look(const RunTerms& run, int32_t step, size_t stride,
+                                        const Quad& quad, Batch& batch) {
+  Words steps[kParts];
+  for (int part = 0; part < kParts; ++part) steps[part] = run.along[part] * (step + quad.view_step);
+  for (int r = 0; r < kRows; ++r) {
+    const int count = (quad.counts >> (4 * r)) & 15, at = batch.runs;
+    if (count == 0) continue;
+    const size_t pixel = quad.column[r] * run.column_bytes;
+    batch.upper[at] = run.upper[r] + pixel;
+    batch.lower[at] = run.lower[r] + pixel;
+    batch.out[at] = run.out[r] + quad.at[r] * stride;
+    batch.row_weight[at] = &run.row_weight[r];
+    batch.counts[at] = count;
+    ++batch.runs;
+    for (int part = 0; part < kParts; ++part) {
+      Part& to = batch.parts[at][part];
+      Words number = quad.view[r] + steps[part];
+      number = number < 0 ? Words{} : number;
+      number = number > run.view_most ? Words{} + run.view_most : number;
+      to.view_weights = (number >> (kViewBits - kWeightBits)) & run.weight_mask;
+      to.offsets = ((number >> kViewBits) << 2) + run.colours[(quad.colours >> (2 * r)) & 3][part];
+      const Shorts& along = run.along_pairs[part];
+      const Shorts moved = along * (quad.column_step[r] + along * quad.column_bend);
+      to.column_weights = static_cast<int16_t>(quad.share[r]) + (moved >> kSlopeBits);
+    }
+  }
+}
+
+/// Mixes rows and columns of a part: returns the light of its subpixels' two views.
+[[gnu::always_inline]] inline Shorts mix_part(const Batch& batch, int at, int part) {
+  const Part& from = batch.parts[at][part];
+  const auto* const offset = reinterpret_cast<const uint32_t*>(&from.offsets);
+  const Shorts& row_weight = *batch.row_weight[at];
   const auto rows = [&](int n) {
-    return mix(two_entries(upper, offset + n), two_entries(lower, offset + n), run.row_weight[r]);
+    return mix(two_entries(batch.upper[at], offset + n), two_entries(batch.lower[at], offset + n),
+               row_weight);
   };
-  return mix_neighbours(rows(0), rows(2), column_weights);
+  return mix_neighbours(rows(0), rows(2), from.column_weights);
 }
 
 template <bool kStripes>
-inline void mix_quad(const RunTerms& run, const Terms& terms, size_t stride, const Quad& quad) {
-  Words steps[kParts];
-  for (int part = 0; part < kParts; ++part)
-    steps[part] = run.along[part] * (terms.view_step + quad.view_step);
-  for (int r = 0; r < kRows; ++r) {
-    const int count = (quad.counts >> (4 * r)) & 15;
-    if (count == 0) continue;
+inline void mix_batch(const Batch& batch, size_t stride) {
+  for (int at = 0; at < batch.runs; ++at) {
     Shorts views[kParts];
     Words weights[kParts];
-    for (int part = 0; part < kParts; ++part)
-      views[part] = mix_part(run, quad, r, part, steps[part], weights[part]);
+    for (int part = 0; part < kParts; ++part) {
+      views[part] = mix_part(batch, at, part);
+      weights[part] = batch.parts[at][part].view_weights;
+    }
     const RunLight light = mix_views(views, weights);
     if (kStripes) {
-      vector_at<RunLight>(run.out[r] + quad.at[r]).v = light;
+      vector_at<RunLight>(batch.out[at]).v = light;
     } else {
       alignas(16) uint16_t words[kRun];
       vector_at<RunLight>(words).v = light;
-      for (int n = 0; n < count; ++n)
-        run.out[r][(quad.at[r] + static_cast<size_t>(n)) * stride] = words[n];
+      for (int n = 0; n < batch.counts[at]; ++n)
+        batch.out[at][static_cast<size_t>(n) * stride] = words[n];
     }
+  }
+}
+
+/// A frame's records exceed the caches, so they are prefetched this far ahead.
+constexpr uint32_t kQuadsAhead = 32;
+
+template <bool kStripes>
+void mix_quads(const RunTerms& run, const Terms& terms, const Set& set, const Quad* quads) {
+  Batch batch;
+  for (uint32_t q = set.quads_begin; q < set.quads_end; q += kBatch) {
+    const uint32_t end = set.quads_end - q < kBatch ? set.quads_end : q + kBatch;
+    batch.runs = 0;
+    for (uint32_t n = q; n < end; ++n) {
+      __builtin_prefetch(quads + n + kQuadsAhead);
+      look(run, terms.view_step, set.stride, quads[n], batch);
+    }
+    mix_batch<kStripes>(batch, set.stride);
   }
 }
 
@@ -356,9 +409,6 @@ void mix_spot_run(const Terms& terms, const TransposedRows& rows, const Set& set
   }
 }
 
-/// A frame's records exceed the caches, so they are prefetched this far ahead.
-constexpr uint32_t kQuadsAhead = 32;
-
 void mix_set(const Terms& terms, const TransposedRows& rows, const Set& set, const Quad* quads,
              const Target& target) noexcept {
   if (terms.spot.weights != nullptr) {
@@ -369,15 +419,8 @@ void mix_set(const Terms& terms, const TransposedRows& rows, const Set& set, con
     return;
   }
   const RunTerms run(terms, rows, set, target);
-  if (set.stride == 1) {
-    for (uint32_t q = set.quads_begin; q < set.quads_end; ++q) {
-      __builtin_prefetch(quads + q + kQuadsAhead);
-      mix_quad<true>(run, terms, 1, quads[q]);
-    }
-  } else {
-    for (uint32_t q = set.quads_begin; q < set.quads_end; ++q)
-      mix_quad<false>(run, terms, set.stride, quads[q]);
-  }
+  set.stride == 1 ? mix_quads<true>(run, terms, set, quads)
+                  : mix_quads<false>(run, terms, set, quads);
 }
 
 // --- transposing: sixteen views at a time
