@@ -37,6 +37,8 @@ struct Jump {
   /// Null: the item that is playing; -1 or 1 with `relative`.
   std::optional<int64_t> item = std::nullopt;
   bool relative = false;
+  /// From which a relative jump counts: frames are taken ahead. None: the item that is playing.
+  std::optional<ItemAccount> displayed = std::nullopt;
   uint64_t frame = 0;
   /// The target is a list that is played once; then the playing item continues where it was.
   bool interrupts = false;
@@ -46,7 +48,7 @@ struct Jump {
 struct PlaylistPlace {
   std::shared_ptr<const Playlist> list;
   size_t index = 0;
-  uint64_t rounds_done = 0;
+  int64_t rounds_done = 0;
   bool interrupts = false;
 };
 
@@ -55,7 +57,7 @@ struct InterruptedPlace {
   std::shared_ptr<const Playlist> list;
   std::optional<size_t> playing;  ///< none: standby, or no item
   std::optional<size_t> chosen;
-  uint64_t rounds_done = 0;
+  int64_t rounds_done = 0;
 };
 
 /// PlaylistCursor is the place in a playlist: the item that plays, the one chosen last, and the
@@ -66,19 +68,19 @@ class PlaylistCursor {
 
   /// Returns the list; a changed list has another address.
   [[nodiscard]] const std::shared_ptr<const Playlist>& list() const { return list_; }
-  [[nodiscard]] uint64_t rounds_done() const { return rounds_done_; }
+  [[nodiscard]] int64_t rounds_done() const { return rounds_done_; }
 
   /// Returns the item after the one chosen last.
   [[nodiscard]] NextItem next(LocalTime now) const {
     return next_item(*list_, chosen_, rounds_done_, now);
   }
   /// Chooses an item of the list.
-  void choose(size_t index, uint64_t rounds_done) {
+  void choose(size_t index, int64_t rounds_done) {
     chosen_ = index;
     rounds_done_ = rounds_done;
   }
   /// Notes the item that plays from now on; none for standby.
-  void begin(std::optional<size_t> index, uint64_t rounds_done) {
+  void begin(std::optional<size_t> index, int64_t rounds_done) {
     playing_ = index;
     playing_rounds_ = rounds_done;
   }
@@ -104,13 +106,14 @@ class PlaylistCursor {
       throw Error(ErrorKind::Failed, list->name + ": has no item at the moment",
                   "wait for a file, or load another source");
     int64_t index = jump.item.value_or(0);
-    uint64_t rounds_done = jump.list ? 0 : leaves ? interrupted_->rounds_done : rounds_here();
+    int64_t rounds_done = jump.list ? 0 : leaves ? interrupted_->rounds_done : rounds_here();
     if (jump.relative) {
-      // Before its first item, a round is the one before, which for round 0 is number -1.
-      const bool before =
-          index < 0 && list->order(rounds_done).front() == static_cast<size_t>(here);
-      index = static_cast<int64_t>(list->beside(static_cast<size_t>(here), index, rounds_done));
-      if (before) --rounds_done;
+      ListPlace from{static_cast<size_t>(here), rounds_done};
+      if (jump.displayed && list->has(jump.displayed->index, jump.displayed->source))
+        from = {*jump.displayed->index, jump.displayed->rounds_done};
+      from = list->beside(from, static_cast<int>(index));
+      index = static_cast<int64_t>(from.index);
+      rounds_done = from.round;
     }
     if (!jump.item && !jump.list) index = here;
     if (index < 0 || index >= items)
@@ -183,7 +186,7 @@ class PlaylistCursor {
   [[nodiscard]] std::optional<size_t> playing() const { return playing_; }
 
  private:
-  [[nodiscard]] uint64_t rounds_here() const { return playing_ ? playing_rounds_ : rounds_done_; }
+  [[nodiscard]] int64_t rounds_here() const { return playing_ ? playing_rounds_ : rounds_done_; }
   /// Returns the place of the item that satisfies the condition; of several, the nearest to `near`.
   template <class Condition>
   static std::optional<size_t> nearest_place(const std::vector<PlaylistItem>& items, size_t near,
@@ -201,8 +204,8 @@ class PlaylistCursor {
   std::shared_ptr<const Playlist> list_;
   std::optional<size_t> chosen_;
   std::optional<size_t> playing_;
-  uint64_t rounds_done_ = 0;     ///< before that of the chosen item
-  uint64_t playing_rounds_ = 0;  ///< before that of the playing one, from which jumps count
+  int64_t rounds_done_ = 0;     ///< before that of the chosen item
+  int64_t playing_rounds_ = 0;  ///< before that of the playing one, from which jumps count
   std::optional<InterruptedPlace> interrupted_;
 };
 
@@ -328,6 +331,7 @@ class ItemLoader {
                 .item = item.item,
                 .files = item.files,
                 .seen = item.files};
+    if (std::exchange(jumped_, false)) jumped_to_ = item.number;
     if (item.returns && cursor_.interrupted()) locked_end_interruption();
     cursor_.begin(item.index, item.rounds_done);
     if (!item.index) locked_pause();
@@ -336,6 +340,20 @@ class ItemLoader {
     const std::lock_guard lock(mutex_);
     locked_discard(playing_.replacement);
     playing_ = {};
+  }
+  /// Gives an open ring the list's next turn, because a socket cannot be opened twice. Returns
+  /// false if another item is next.
+  [[nodiscard]] bool takes_next_turn(OpenItem& item) {
+    const std::lock_guard lock(mutex_);
+    const NextItem pick = cursor_.next(options_.local_time());
+    const Playlist& list = *cursor_.list();
+    if (item.item.source.kind != SourceKind::Ring || pick.kind != NextItem::Kind::Item ||
+        list.items[pick.index].source != item.item.source || playing_.outdated || next_.item)
+      return false;
+    item.item = list.items[pick.index];
+    put_at(item, {cursor_.list(), pick.index, pick.rounds_done});
+    cursor_.choose(pick.index, pick.rounds_done);
+    return true;
   }
   void wait_for_renderer(OpenItem& item, bool waits) {
     const std::lock_guard lock(mutex_);
@@ -422,6 +440,7 @@ class ItemLoader {
     if (!request.returns) cursor_.jump(request.place);  // begin() returns
     if (!cursor_.interrupted()) interrupted_ = {};
     next_.list_over = next_.nothing_for_now = next_.requested = false;
+    jumped_ = true;
     ++jump_.serial;  // discards the item being opened for the old place
     locked_discard(next_.item);
     return jump_.end();
@@ -443,9 +462,12 @@ class ItemLoader {
   // Thread safety: any thread.
   void jump(const Jump& jump, const JumpDone& done) {
     put_request(jump_, done, [&] {
-      return JumpRequest{.place = cursor_.target_of(jump),
-                         .frame = jump.frame,
-                         .step = jump.relative ? jump.item.value_or(0) : 0};
+      Jump where = jump;
+      // Of an item to which a jump led, no frame may be displayed yet.
+      if (where.displayed && where.displayed->number < jumped_to_) where.displayed.reset();
+      return JumpRequest{.place = cursor_.target_of(where),
+                         .frame = where.frame,
+                         .step = where.relative ? static_cast<int>(where.item.value_or(0)) : 0};
     });
   }
   /// Ends an interruption at once. Fails if nothing is interrupted.
@@ -505,8 +527,10 @@ class ItemLoader {
       status.interrupted =
           place->playing ? source_at(place->list, *place->playing) : place->list->name;
     const bool plays = playing_.number != 0 && !playing_.standby;
-    if (plays && playing_.waits_for_renderer)
-      status.state = {"waiting", "no renderer is connected"};
+    const bool is_ring = playing_.item.source.kind == SourceKind::Ring;
+    if (next_.list_over && playing_.number == 0) status.rounds_done = next_.rounds_done;
+    if (plays && (playing_.waits_for_renderer || (is_ring && !playing_.has_shown)))
+      status.state = kNoRenderer;
     else if (plays && place && playing_.item.source.kind == SourceKind::Black)
       status.state = {"blank", "until 'back'"};
     else if (plays && playing_.has_shown)  // though the items after it may not
@@ -611,6 +635,7 @@ class ItemLoader {
     std::unique_ptr<OpenItem> item{};
     bool requested = false;
     bool list_over = false;        ///< the last round is over
+    int64_t rounds_done = 0;       ///< then
     bool nothing_for_now = false;  ///< no item is scheduled now
     SteadyTime retry_at{};
     [[nodiscard]] bool is_due() const { return requested && !item && !list_over; }
@@ -619,7 +644,7 @@ class ItemLoader {
   struct JumpRequest {
     PlaylistPlace place{};
     uint64_t frame = 0;
-    int64_t step = 0;              ///< 1 or -1: to the next or the previous item that can be played
+    int step = 0;                  ///< 1 or -1: to the next or the previous item that can be played
     size_t passed = 0;             ///< number of items on the way that cannot be played
     bool returns = false;          ///< to the interrupted item
     bool in_present_list = false;  ///< names an item of the list that is played
@@ -634,7 +659,9 @@ class ItemLoader {
     /// Passes over an item that cannot be played. Returns false if no other is left.
     bool passes_on() {
       if (step == 0 || ++passed + 1 >= place.list->items.size()) return false;
-      place.index = place.list->beside(place.index, step, place.rounds_done);
+      const ListPlace next = place.list->beside({place.index, place.rounds_done}, step);
+      place.index = next.index;
+      place.rounds_done = next.round;
       opened = false;
       since = SteadyClock::now();
       return true;
@@ -660,7 +687,7 @@ class ItemLoader {
     uint32_t number = 0;  ///< 0: none
     bool standby = false;
     bool waits_for_renderer = false, has_shown = false;
-    uint64_t rounds_done = 0;
+    int64_t rounds_done = 0;
     PlaylistItem item{};
     std::vector<FileMark> files{};
     std::vector<FileMark> seen{};             ///< state at the last check
@@ -738,6 +765,7 @@ class ItemLoader {
       pick = {.kind = NextItem::Kind::Item, .index = 0, .rounds_done = cursor_.rounds_done()};
     next_.nothing_for_now = pick.kind == NextItem::Kind::None;
     next_.list_over = pick.kind == NextItem::Kind::End;
+    next_.rounds_done = pick.rounds_done;
     const PlayState why = next_.list_over && shown_ ? PlayState() : locked_state(now);
     const bool is_news = !why.plays() && reporter_.note_waiting(why);
     if (next_.list_over) return wake_.signal();
@@ -759,6 +787,13 @@ class ItemLoader {
         unlocked(lock, [&] { return is_changing(item); })) {
       faults_.since = SteadyClock::now();
       return locked_pause();
+    }
+    // A ring that plays takes its next turn itself.
+    const bool is_open =
+        item.source.kind == SourceKind::Ring && item.source == playing_.item.source;
+    if (is_open && playing_.number != 0) {
+      next_.requested = false;
+      return;
     }
     bool list_is_old = false;
     Attempt attempt = unlocked(lock, [&] {
@@ -1184,7 +1219,9 @@ class ItemLoader {
   std::vector<std::unique_ptr<OpenItem>> trash_;  ///< items to close
   bool shown_ = false;                            ///< a frame of any item was taken
   bool held_ = false;
-  bool ended_ = false;  ///< the frame copier was told that the list is over
+  bool jumped_ = false;     ///< the next item is the target of a jump
+  uint32_t jumped_to_ = 0;  ///< running number of the last such item
+  bool ended_ = false;      ///< the frame copier was told that the list is over
   bool stopping_ = false;
 
   std::thread thread_;  // last member: the thread uses everything above

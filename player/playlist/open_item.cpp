@@ -38,6 +38,7 @@ ItemProgress progress_of(const OpenItem& item, uint64_t given) {
           .frames_pulled = item.frames_pulled,
           .pulled_this_round = item.pulled_this_round,
           .loops_done = item.loops_done,
+          .blended_s = item.blended_s,
           .frame_count = item.opened.source->frame_count(),
           .given = given};
 }
@@ -47,6 +48,7 @@ ItemProgress progress_at(ItemProgress progress, const LeftItem& left) {
   if (!left.last) {  // it begins again
     progress.frame = progress.first_frame;
     progress.frames_pulled = progress.pulled_this_round = progress.loops_done = 0;
+    progress.blended_s = 0.0;
     return progress;
   }
   const uint64_t again = progress.given - std::min(progress.given, left.last->index);
@@ -68,6 +70,7 @@ void continue_item(OpenItem& item, const ItemProgress& progress) {
   item.frames_pulled = progress.frames_pulled;
   item.pulled_this_round = progress.pulled_this_round;
   item.loops_done = progress.loops_done;
+  item.blended_s = progress.blended_s;
   item.returns = true;
 }
 

@@ -24,7 +24,7 @@ struct OpenItem {
   PlaylistItem item;
   std::optional<size_t> index;  ///< none: the list's default, or black
   bool interrupts = false;      ///< an item of an interruption, which is not in the list
-  uint64_t rounds_done = 0;     ///< rounds of the list when the item was chosen
+  int64_t rounds_done = 0;      ///< rounds of the list when the item was chosen
   uint64_t first_frame = 0;
   std::vector<FileMark> files;  ///< state of the files before the item was opened
   OpenedSource opened;
@@ -75,6 +75,7 @@ struct ItemProgress {
   uint64_t frames_pulled = 0;
   uint64_t pulled_this_round = 0;
   uint64_t loops_done = 0;
+  double blended_s = 0.0;
   std::optional<uint64_t> frame_count{};
   uint64_t given = 0;  ///< frames that the playlist had handed out, over all items
   bool final = false;  ///< `frame` and the counts are those at the last displayed frame

@@ -160,54 +160,59 @@ Playlist playlist_of(const SourceSpec& source, uint64_t rounds) {
   return list;
 }
 
-bool Playlist::in_round(size_t index, uint64_t round) const {
+bool Playlist::in_round(size_t index, int64_t round) const {
   const uint64_t most = std::ranges::max(items, {}, &PlaylistItem::weight).weight;
   // The first of the lighter items is in round 0, the second in round 1, ...
   const auto lighter = static_cast<uint64_t>(
       std::count_if(items.begin(), items.begin() + static_cast<ptrdiff_t>(index),
                     [most](const PlaylistItem& item) { return item.weight < most; }));
-  return (round + lighter * (most - 1)) * items[index].weight % most < items[index].weight;
+  return (static_cast<uint64_t>(round) + lighter * (most - 1)) * items[index].weight % most <
+         items[index].weight;
 }
 
-std::vector<size_t> Playlist::order(uint64_t round) const {
+std::vector<size_t> Playlist::order(int64_t round) const {
   std::vector<size_t> order(items.size());
   std::iota(order.begin(), order.end(), size_t{0});
   if (!shuffle || items.size() < 3) return order;
-  const auto shuffled = [&](uint64_t of_round) {
+  const auto shuffled = [&](int64_t of_round) {
     std::vector<size_t> all = order;
     for (size_t left = all.size(); left > 1; --left)
-      std::swap(all[left - 1], all[mixed(mixed(*shuffle ^ mixed(of_round)) + left) % left]);
+      std::swap(all[left - 1],
+                all[mixed(mixed(*shuffle ^ mixed(static_cast<uint64_t>(of_round))) + left) % left]);
     return all;
   };
   // Exchanging the first two items leaves the last one in its place, so that the round after this
   // one need not know of it.
-  const size_t before = round > 0 ? shuffled(round - 1).back() : items.size();
+  const size_t before = shuffled(round - 1).back();
   order = shuffled(round);
   if (order.front() == before) std::swap(order[0], order[1]);
   return order;
 }
 
-size_t Playlist::beside(size_t index, int64_t step, uint64_t round) const {
-  const std::vector<size_t> played = order(round);
-  const auto count = static_cast<int64_t>(played.size());
-  const auto place = std::ranges::find(played, index) - played.begin();
-  return played[static_cast<size_t>(((place + step) % count + count) % count)];
+ListPlace Playlist::beside(ListPlace from, int step) const {
+  const std::vector<size_t> played = order(from.round);
+  const auto item = std::ranges::find(played, from.index);
+  if (step < 0 && item == played.begin()) return {order(from.round - 1).back(), from.round - 1};
+  if (step < 0 || item + 1 != played.end()) return {item[step], from.round};
+  if (shuffle && rounds == kForever) ++from.round;
+  return {order(from.round).front(), from.round};
 }
 
-NextItem next_item(const Playlist& list, std::optional<size_t> after, uint64_t rounds_done,
+NextItem next_item(const Playlist& list, std::optional<size_t> after, int64_t rounds_done,
                    LocalTime now) {
   const size_t scheduled = list.items_scheduled(now);
   // The item that must not follow itself, or none.
   const size_t last = list.shuffle && scheduled > 1 ? after.value_or(SIZE_MAX) : SIZE_MAX;
   // Each item is in at least one of kMaxWeight rounds.
-  for (uint64_t more = 0; more <= kMaxWeight && !list.items.empty(); ++more, after.reset()) {
-    const uint64_t round = rounds_done + more;
+  const auto last_round = rounds_done + static_cast<int64_t>(kMaxWeight);
+  for (int64_t round = rounds_done; round <= last_round && !list.items.empty(); ++round) {
     const std::vector<size_t> order = list.order(round);
     auto item = after ? std::ranges::find(order, *after) + 1 : order.begin();
+    after.reset();
     for (; item != order.end(); ++item)
       if (list.items[*item].permitted(now) && list.in_round(*item, round) && *item != last)
         return {.kind = NextItem::Kind::Item, .index = *item, .rounds_done = round};
-    if (list.rounds != kForever && round + 1 >= list.rounds)
+    if (list.rounds != kForever && round + 1 >= static_cast<int64_t>(list.rounds))
       return {.kind = NextItem::Kind::End, .index = 0, .rounds_done = round + 1};
     if (scheduled == 0) break;
   }
@@ -268,6 +273,7 @@ class Reader {
       }
     }
     if (list.items.empty()) fail_at(1, "no [[item]]", "an item needs at least source = \"...\"");
+    check_transitions(list, root);
     return list;
   }
   /// Reads the list of a Looking Glass Studio: an array of {"filename": ...}. Also a
@@ -507,6 +513,15 @@ class Reader {
     else
       key_.clear();
     return !key_.empty();
+  }
+  /// Refuses a duration of a cut. That of a list is allowed, for items that may be added.
+  void check_transitions(const Playlist& list, const toml::table& root) const {
+    for (size_t n = 0; n < list.items.size(); ++n)
+      if (list.items[n].transition_s && list.transition_to(list.items[n]) == TransitionKind::Cut)
+        fail(*root["item"][n]["transition_seconds"].node(),
+             fmt::format("transition_seconds: {} follows by a cut, which takes no time",
+                         list.items[n].source.text),
+             "leave it out, or write transition = \"fade\" or \"cross\"");
   }
   [[nodiscard]] uint64_t loops(const toml::node& node) const {
     if (const auto* const word = node.as_string(); word != nullptr && word->get() == "forever")

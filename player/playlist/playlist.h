@@ -27,6 +27,9 @@ struct PlayState {
   friend bool operator==(const PlayState&, const PlayState&) = default;
 };
 
+inline const PlayState kStarting{"starting", "no frame has come yet"};
+inline const PlayState kNoRenderer{"waiting", "no renderer has sent a frame yet"};
+
 /// A moment in local time.
 struct LocalTime {
   int day = 0;     ///< days since 29 December 1969, a Monday
@@ -99,6 +102,14 @@ struct PlaylistItem {
   }
 };
 
+/// An item of a list in one of its rounds, which are counted from 0.
+struct ListPlace {
+  size_t index = 0;
+  int64_t round = 0;
+
+  friend bool operator==(const ListPlace&, const ListPlace&) = default;
+};
+
 struct Playlist {
   std::string name;  ///< name for people: the file's name, or the only source
   std::vector<PlaylistItem> items;
@@ -117,18 +128,23 @@ struct Playlist {
   [[nodiscard]] TransitionKind transition_to(const PlaylistItem& item) const {
     return item.transition.value_or(transition);
   }
+  /// Returns true if the list has this source at this place.
+  [[nodiscard]] bool has(std::optional<size_t> index, const SourceSpec& source) const {
+    return index && *index < items.size() && items[*index].source == source;
+  }
   /// Returns true if an item follows another one otherwise than by a cut.
   [[nodiscard]] bool has_transitions() const;
   [[nodiscard]] size_t items_scheduled(LocalTime now) const;
   /// Returns true if the item's weight gives it a place in the round. The heaviest items are in
   /// each round; the places of the others are spread evenly over the rounds.
-  [[nodiscard]] bool in_round(size_t index, uint64_t round) const;
+  [[nodiscard]] bool in_round(size_t index, int64_t round) const;
   /// Returns the indices of all items as they are played in the round. With a shuffle, no item is
   /// last in one round and first in the next, if there are more than two.
-  [[nodiscard]] std::vector<size_t> order(uint64_t round) const;
-  /// Returns the item that is played `step` places after another one of the round, or in a round
-  /// that never ends.
-  [[nodiscard]] size_t beside(size_t index, int64_t step, uint64_t round) const;
+  [[nodiscard]] std::vector<size_t> order(int64_t round) const;
+  /// Returns the place to which `next` (step 1) or `previous` (-1) jumps. Before the first item is
+  /// the round before, which for round 0 is -1. After the last one the round begins again, because
+  /// a jump completes none; only a shuffle that never ends goes on with its next round.
+  [[nodiscard]] ListPlace beside(ListPlace from, int step) const;
 };
 
 inline constexpr std::array<std::string_view, 7> kWeekdays = {"mon", "tue", "wed", "thu",
@@ -161,12 +177,12 @@ struct NextItem {
   };
   Kind kind = Kind::End;
   size_t index = 0;
-  uint64_t rounds_done = 0;
+  int64_t rounds_done = 0;
 };
 /// Returns the item after `after` (none: the first) in the given round. Items that are not
 /// scheduled now are skipped. Returns None only if no item of the list is scheduled.
 [[nodiscard]] NextItem next_item(const Playlist& list, std::optional<size_t> after,
-                                 uint64_t rounds_done, LocalTime now);
+                                 int64_t rounds_done, LocalTime now);
 /// Returns why no item of the list can begin now: "no item is scheduled before Mon 09:00". Empty if
 /// one can.
 [[nodiscard]] std::string reason_to_wait(const Playlist& list, LocalTime now);

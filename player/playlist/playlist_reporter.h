@@ -48,7 +48,7 @@ struct PlaylistStatus {
   std::optional<size_t> item{};
   size_t items = 0;
   std::optional<uint64_t> frames{};  ///< frames in one round of the item, if known
-  uint64_t rounds_done = 0;
+  int64_t rounds_done = 0;
   uint64_t started = 0;
   uint64_t loop_points = 0;
   uint64_t loops = 0;            ///< times that an item was complete
@@ -69,6 +69,7 @@ struct ItemAccount {
   uint32_t number = 0;  ///< running number of the item
   SourceSpec source{};
   std::optional<size_t> index{};  ///< place in the list
+  int64_t rounds_done = 0;        ///< rounds of the list before this one
   bool from_start = true;         ///< the turn began with the item's first frame
   bool to_end = false;            ///< all frames of the turn were handed out; no jump ended it
   uint64_t handed_out = 0;        ///< frames, known at the end of the turn
@@ -125,10 +126,11 @@ class PlaylistReporter {
     const auto index = item.interrupts ? std::nullopt : item.index;
     status_.item = index;
     status_.frames = item.opened.source->frame_count();
-    status_.rounds_done = item.rounds_done < UINT64_MAX / 2 ? item.rounds_done : 0;
+    status_.rounds_done = std::max<int64_t>(item.rounds_done, 0);
     begun_.push_back({.number = item.number,
                       .source = item.item.source,
                       .index = index,
+                      .rounds_done = item.rounds_done,
                       .from_start = item.first_frame == 0 && !item.returns});
     if (begun_.size() > kRememberedItems) begun_.pop_front();
   }

@@ -183,7 +183,7 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] frames::PullStatus pull_current(frames::AcquiredFrame& out) {
     OpenItem& item = *current_;
     if (is_over(item)) {
-      leave_current();
+      if (!takes_next_turn(item)) leave_current();
       return PullStatus::End;
     }
     switch (pull_from(item, out)) {
@@ -207,7 +207,10 @@ class PlaylistSource final : public frames::FrameSource {
           if (!item.waited_too_long() && !loader_.is_outdated()) return PullStatus::NotYet;
           leave_current();
         } else if (!goes_round(item)) {
-          leave_current();
+          if (takes_next_turn(item))
+            loader_.wait_for_renderer(*current_, true);
+          else
+            leave_current();
         }
         return PullStatus::End;
       case PullStatus::Failed:
@@ -382,6 +385,14 @@ class PlaylistSource final : public frames::FrameSource {
     leave_current();
     begin(std::move(fresh));
     reporter_.report({.kind = EventKind::Replaced, .source = source});
+    return true;
+  }
+  [[nodiscard]] bool takes_next_turn(OpenItem& item) {
+    if (!loader_.takes_next_turn(item)) return false;
+    reporter_.end(item, true);
+    item.frames_pulled = item.handed_out = item.pulled_this_round = item.loops_done = 0;
+    item.returns = false;
+    begin(std::move(current_));
     return true;
   }
   void begin(std::unique_ptr<OpenItem> item) {

@@ -7,8 +7,9 @@
 // then the running ones, brighter and brighter. Step k of n, counted from 0, is at (k + 1) / (n +
 // 1) of the way, so that none of them equals a frame before or after the transition.
 //
-// Light is added, subpixel by subpixel, and not codes. A table has the result of each pair of codes
-// for one step, so that a subpixel costs one look-up; all processors share the rows.
+// Light is added, subpixel by subpixel, and not codes. A table has the result of each code (a fade
+// changes one frame), or of each pair of codes, for one step, so that a subpixel costs one look-up;
+// all processors share the rows.
 //
 // The blended frames replace those of the source: pacing, copies to the panel, snapshots and proof
 // of play treat them as any others.
@@ -56,13 +57,13 @@ class Transition {
     const bool crosses = kind_ == TransitionKind::Cross, darkens = !crosses && way <= 0.5;
     const double first = crosses ? 1.0 - way : darkens ? 1.0 - 2.0 * way : 0.0;
     const double second = crosses ? way : darkens ? 0.0 : 2.0 * way - 1.0;
-    const std::array<double, 256>& light = frames::linear_of_codes();
-    for (size_t pair = 0; pair < codes_.size(); ++pair)
-      codes_[pair] =
-          frames::code_from_linear(first * light[pair >> 8] + second * light[pair & 255]);
-    // A fade reads the same frame as both: the held one while it darkens, then the new one.
     const frames::FrameView from = crosses || darkens ? held : frame;
-    const frames::FrameView to = darkens ? held : frame;
+    const frames::FrameView to = crosses ? frame : from;
+    const std::array<double, 256>& light = frames::linear_of_codes();
+    const size_t pairs = crosses ? codes_.size() : light.size();
+    for (size_t pair = 0; pair < pairs; ++pair)
+      codes_[pair] = frames::code_from_linear(first * light[pair >> 8] +
+                                              (darkens ? first : second) * light[pair & 255]);
     std::span<uint8_t> room = blended->bytes;
     blended->parts.clear();
     for (size_t part = 0; part < from.parts.size(); ++part)
@@ -90,8 +91,12 @@ class Transition {
       const size_t bytes = from.geometry.row_bytes();
       const uint8_t *a = from.row(row), *b = to.row(row), *const codes = codes_.data();
       uint8_t* const to_row = out.data() + static_cast<size_t>(row) * bytes;
+      const bool is_one = a == b;
 #pragma GCC unroll 8
-      for (size_t n = 0; n < bytes; ++n) to_row[n] = codes[static_cast<size_t>(a[n]) << 8 | b[n]];
+      for (size_t n = 0; n < bytes && is_one; ++n) to_row[n] = codes[a[n]];
+#pragma GCC unroll 8
+      for (size_t n = 0; n < bytes && !is_one; ++n)
+        to_row[n] = codes[static_cast<size_t>(a[n]) << 8 | b[n]];
     });
     return {.geometry = from.geometry, .bytes = out};
   }
@@ -99,7 +104,8 @@ class Transition {
   TransitionKind kind_;
   double seconds_;
   std::vector<Blended> frames_;
-  std::array<uint8_t, size_t{1} << 16> codes_{};  ///< result, indexed by held code * 256 + new code
+  std::array<uint8_t, size_t{1} << 16>
+      codes_{};  ///< result of held code * 256 + new code; of a fade, of one
 };
 
 }  // namespace lenticule::player

@@ -32,6 +32,7 @@
 #include "player/control/control_server.h"
 #include "player/playlist/playlist_source.h"
 #include "player/playlist/source_pace.h"
+#include "player/process/interrupt.h"
 #include "player/session/play_plan.h"
 #include "player/sources/live_rig.h"
 
@@ -133,8 +134,7 @@ class PlayControls final : public ControlTarget {
     if (!run.plays()) return run;
     if (playback_.is_off()) return {"off", "until 'power on'"};
     if (playback_.paused()) return {"paused", "until 'play'"};
-    const bool waits = list.plays() && playback_.displayed().frames == 0;
-    return waits ? PlayState{"starting", "no frame has come yet"} : list;
+    return list.plays() && playback_.displayed().frames == 0 ? kStarting : list;
   }
 
  private:
@@ -285,6 +285,7 @@ class PlayControls final : public ControlTarget {
   void jump(Jump where, const Answer& answer) {
     const std::lock_guard lock(mutex_);
     PlaylistSource& source = steered();
+    where.displayed = source.account_of(static_cast<uint32_t>(playback_.displayed().item));
     source.jump(where, [answer, &source, frame = where.frame](const Error* error) {
       if (error != nullptr) return answer(*error);
       ordered_json json = place_json(source.status());
@@ -488,7 +489,7 @@ class PlayControls final : public ControlTarget {
   mutable std::mutex mutex_;  ///< guards the members below
   PlaylistSource* source_ = nullptr;
   nlohmann::ordered_json statistics_;
-  PlayState run_{"starting", "no frame has come yet"};
+  PlayState run_ = kStarting;
 
   std::unique_ptr<FrameMemory> frame_memory_;  ///< used by the worker thread
 
@@ -583,14 +584,13 @@ class SteeredPlay {
   }
   /// Sets the playback options that lists and control need.
   void prepare(PlaybackOptions& options, frames::Rate refresh) {
+    report_state({});
     if (source_ == nullptr) return;
     source_->set_display_rate(refresh);
     options.loops = 1;  // the list counts the loops itself
-    if (controls_) {
-      options.control = &controls_->playback();
-      source_->set_speed(controls_->playback().speed_permille() / 1000.0);
-    }
-    report_state({});
+    if (!controls_) return;
+    options.control = &controls_->playback();
+    source_->set_speed(controls_->playback().speed_permille() / 1000.0);
   }
   /// Switches the output off after the first frame, as it was in the previous player.
   void begin_off() {
@@ -704,6 +704,8 @@ class SteeredPlay {
     using Kind = PlaylistEvent::Kind;
     if (plan_.trim && (event.kind == Kind::ItemStarted || event.kind == Kind::Returned))
       plan_.trim->note_content(event.woven_elsewhere);
+    const bool is_fault = event.kind == Kind::ItemSkipped || event.kind == Kind::Kept;
+    if (is_fault && interrupted()) return;  // a signal ends what opens an item, too
     switch (event.kind) {
       case Kind::ItemStarted:
         return publish({{"event", "item_started"}, {"source", event.source}});
@@ -744,7 +746,9 @@ class SteeredPlay {
     if (ControlServer* const server = serving_.load()) server->publish(std::move(event));
   }
   [[nodiscard]] PlayState state() const {
-    const PlayState list = source_ != nullptr ? source_->status().state : PlayState();
+    PlayState list = source_ != nullptr ? source_->status().state : PlayState();
+    if (source_ == nullptr && before_.pace.shown == 0)
+      list = plan_.source.kind == SourceKind::Ring ? kNoRenderer : kStarting;
     return controls_ ? controls_->state_with(run_, list) : run_.plays() ? list : run_;
   }
   void publish_state() {
@@ -779,7 +783,7 @@ class SteeredPlay {
   SourcePace pace_;
   PlayReport before_;
   uint64_t trim_version_ = 0;
-  PlayState run_{"starting", "no frame has come yet"}, published_ = run_;
+  PlayState run_ = kStarting, published_ = run_;
   std::mutex reported_mutex_;
   std::set<std::string> reported_;  ///< complaints already printed; each is printed once
 };

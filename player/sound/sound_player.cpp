@@ -35,13 +35,18 @@ constexpr std::array kBeside = {".opus", ".flac", ".wav", ".m4a", ".mp3", ".ogg"
 
 std::string file_beside(const SourceSpec& source) {
   if (!source.has_pictures() || source.kind == SourceKind::ViewFiles) return {};
-  for (const bool capitals : {false, true})
-    for (std::string extension : kBeside) {
-      if (capitals) std::ranges::transform(extension, extension.begin(), ::toupper);
-      std::filesystem::path file = source.text;
-      file.replace_extension(extension);
-      if (file != source.text && mark_of(file).there) return file.string();
-    }
+  std::vector<std::string> stems{std::filesystem::path(source.text).replace_extension().string()};
+  // film.wav belongs to film_%05d.png and film/%05d.png.
+  std::string before = source.text.substr(0, source.text.rfind('%'));
+  before.resize(before.find_last_not_of("_-./") + 1);
+  if (before != source.text) stems.push_back(before);
+  for (const std::string& stem : stems)
+    for (const bool capitals : {false, true})
+      for (std::string extension : kBeside) {
+        if (capitals) std::ranges::transform(extension, extension.begin(), ::toupper);
+        const std::string file = stem + extension;
+        if (file != source.text && mark_of(file).there) return file;
+      }
   return {};
 }
 

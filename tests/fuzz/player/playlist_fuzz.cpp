@@ -17,7 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     LENTICULE_CHECK(!list.items.empty() && list.items.size() <= kMaxPlaylistItems);
     for (const PlaylistItem& item : list.items) LENTICULE_CHECK(!item.source.text.empty());
     std::optional<size_t> at;
-    uint64_t rounds = 0;
+    int64_t rounds = 0;
     for (int step = 0; step < 100; ++step) {
       const NextItem next = next_item(list, at, rounds, {step % 7, step * 14});
       if (next.kind != NextItem::Kind::Item) continue;

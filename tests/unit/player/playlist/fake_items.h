@@ -21,8 +21,8 @@ inline constexpr frames::FrameGeometry kItemSize{.width = 16, .height = 8};
 /// Frame k of a source whose numbers begin at `base` has the pixels of numbered_frame(base + k).
 class OffsetSource final : public PlainSource {
  public:
-  OffsetSource(uint64_t base, FakeSourceScript script, bool count_at_end)
-      : script_(std::move(script)), count_at_end_(count_at_end) {
+  OffsetSource(uint64_t base, FakeSourceScript script, bool count_at_end, bool waits)
+      : script_(std::move(script)), count_at_end_(count_at_end), waits_(waits) {
     for (uint64_t k = 0; k < script_.frames; ++k)
       pixels_.push_back(numbered_frame(script_.geometry, base + k));
   }
@@ -33,6 +33,7 @@ class OffsetSource final : public PlainSource {
                                                        : std::optional(script_.frames);
   }
   [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
+    if (waits_) return frames::PullStatus::NotYet;
     if (script_.fails_after && pulled_ >= *script_.fails_after) return frames::PullStatus::Failed;
     if (position_ == script_.frames) return frames::PullStatus::End;
     out = {.frame = pixels_[position_].view(), .number = position_, .token = pulled_++};
@@ -48,7 +49,7 @@ class OffsetSource final : public PlainSource {
 
  private:
   FakeSourceScript script_;
-  bool count_at_end_;
+  bool count_at_end_, waits_;
   std::vector<frames::WovenFrame> pixels_;
   uint64_t position_ = 0;
   uint64_t pulled_ = 0;
@@ -57,6 +58,7 @@ class OffsetSource final : public PlainSource {
 struct FakeItem {
   uint64_t base = 0;
   FakeSourceScript script{.geometry = kItemSize};
+  bool waits = false;         ///< no frame comes
   bool count_at_end = false;  ///< as of a video, whose end alone tells the number of its frames
 };
 
@@ -77,7 +79,8 @@ class FakeShelf {
         throw Error(ErrorKind::Input, wanted.source.text + ": no such file", "look for it");
       player::OpenedSource opened;
       const FakeItem& item = found->second;
-      opened.source = std::make_unique<OffsetSource>(item.base, item.script, item.count_at_end);
+      opened.source =
+          std::make_unique<OffsetSource>(item.base, item.script, item.count_at_end, item.waits);
       return opened;
     };
   }

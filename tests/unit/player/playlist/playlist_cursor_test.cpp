@@ -49,7 +49,7 @@ TEST_F(PlaylistCursorTest, TheLastItemCompletesNoRoundIfItIsPlayedBeforeTheFirst
   const NextItem after = cursor.next(kNow);
   EXPECT_EQ(after.kind, NextItem::Kind::Item);
   EXPECT_EQ(after.index, 0u);
-  EXPECT_EQ(after.rounds_done, 0u) << "the whole round is still to come";
+  EXPECT_EQ(after.rounds_done, 0) << "the whole round is still to come";
 }
 
 TEST_F(PlaylistCursorTest, OfEqualItemsTheOneAtTheSamePlaceContinues) {
@@ -82,6 +82,15 @@ TEST_F(PlaylistCursorTest, AShorterListIsFollowedFromItsFirstItemIfNothingPlays)
   EXPECT_EQ(next(), "x");
 }
 
+TEST_F(PlaylistCursorTest, NextAndPreviousCountFromTheDisplayedItem) {
+  play(2);
+  ItemAccount shown{.number = 1, .source = cursor.list()->items[1].source, .index = 1};
+  EXPECT_EQ(cursor.target_of({.item = 1, .relative = true, .displayed = shown}).index, 2u);
+  EXPECT_EQ(cursor.target_of({.item = -1, .relative = true, .displayed = shown}).index, 0u);
+  shown.source = parse_source("of another list");
+  EXPECT_EQ(cursor.target_of({.item = 1, .relative = true, .displayed = shown}).index, 0u);
+}
+
 TEST_F(PlaylistCursorTest, AnItemThatWasChosenAheadAndClosedIsChosenAgain) {
   play(0);
   cursor.choose(1, 0);
@@ -92,11 +101,11 @@ TEST_F(PlaylistCursorTest, AnItemThatWasChosenAheadAndClosedIsChosenAgain) {
 TEST_F(PlaylistCursorTest, AJumpCompletesNoRoundEvenIfTheNextOneWasChosenAhead) {
   play(2);
   cursor.choose(0, 1);
-  EXPECT_EQ(cursor.target_of({.item = -1, .relative = true}).rounds_done, 0u);
-  EXPECT_EQ(cursor.target_of({.item = 0}).rounds_done, 0u);
+  EXPECT_EQ(cursor.target_of({.item = -1, .relative = true}).rounds_done, 0);
+  EXPECT_EQ(cursor.target_of({.item = 0}).rounds_done, 0);
   cursor.back_to_playing();
-  EXPECT_EQ(cursor.rounds_done(), 0u);
-  EXPECT_EQ(cursor.next(kNow).rounds_done, 1u);
+  EXPECT_EQ(cursor.rounds_done(), 0);
+  EXPECT_EQ(cursor.next(kNow).rounds_done, 1);
 }
 
 }  // namespace

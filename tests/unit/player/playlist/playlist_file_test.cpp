@@ -164,12 +164,10 @@ source = "/a.lts"
 [[item]]
 source = "/b.lts"
 transition = "cut"
-transition_seconds = 0.25
 )");
   EXPECT_EQ(list.transition_to(list.items[0]), TransitionKind::Cross);
   EXPECT_EQ(list.transition_s, 1.0);
   EXPECT_EQ(list.transition_to(list.items[1]), TransitionKind::Cut);
-  EXPECT_EQ(list.items[1].transition_s, 0.25);
   EXPECT_TRUE(list.has_transitions());
   EXPECT_FALSE(parse("[[item]]\nsource = \"/a.lts\"\n").has_transitions());
 }
@@ -289,6 +287,10 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
               testing::HasSubstr(":1: transition_seconds: not a number of seconds"));
   EXPECT_THAT(complaint("transition_seconds = \"x\"\n" + item),
               testing::HasSubstr(":1: transition_seconds: not a number of seconds"));
+  EXPECT_THAT(complaint(item + "transition = \"cut\"\ntransition_seconds = 2\n"),
+              testing::HasSubstr(":4: transition_seconds: /films/a.png follows by a cut"));
+  EXPECT_THAT(complaint(item + "transition_seconds = 2\n"),
+              testing::HasSubstr(":3: transition_seconds: /films/a.png follows by a cut"));
   EXPECT_THAT(complaint(item + "transition_seconds = 0\n"),
               testing::HasSubstr(":3: transition_seconds: not a number of seconds"));
   EXPECT_THAT(complaint(item + "aspect = inf\n"),
@@ -330,7 +332,7 @@ TEST(PlaylistOrder, SkipsItemsThatAreNotScheduledNow) {
   EXPECT_EQ(next_item(list, 0, 0, {0, 600}).index, 1u);
   const NextItem again = next_item(list, 2, 0, morning);
   EXPECT_EQ(again.kind, NextItem::Kind::Item);
-  EXPECT_EQ(again.rounds_done, 1u);
+  EXPECT_EQ(again.rounds_done, 1);
   EXPECT_EQ(next_item(list, 2, 1, morning).kind, NextItem::Kind::End);
 }
 
@@ -369,11 +371,11 @@ TEST(PlaylistOrder, NamesTheNextPermittedDate) {
 }
 
 /// Returns the sources' indices that are played in the first rounds.
-std::vector<std::vector<size_t>> played(const Playlist& list, uint64_t rounds) {
-  std::vector<std::vector<size_t>> played(rounds);
+std::vector<std::vector<size_t>> played(const Playlist& list, int64_t rounds) {
+  std::vector<std::vector<size_t>> played(static_cast<size_t>(rounds));
   NextItem item = next_item(list, std::nullopt, 0, {});
   for (; item.rounds_done < rounds; item = next_item(list, item.index, item.rounds_done, {}))
-    played[item.rounds_done].push_back(item.index);
+    played[static_cast<size_t>(item.rounds_done)].push_back(item.index);
   return played;
 }
 
@@ -387,10 +389,15 @@ TEST(PlaylistOrder, AShufflePlaysEachItemOnceARoundAndNoneTwiceInARow) {
       std::vector<size_t> sorted = rounds[round];
       orders.insert(sorted);
       if (round > 0) EXPECT_NE(rounds[round].front(), rounds[round - 1].back());
+      const auto here = static_cast<int64_t>(round);
       for (size_t k = 0; k + 1 < items; ++k) {
-        EXPECT_EQ(list.beside(sorted[k], 1, round), sorted[k + 1]);
-        EXPECT_EQ(list.beside(sorted[k + 1], -1, round), sorted[k]);
+        EXPECT_EQ(list.beside({sorted[k], here}, 1), (ListPlace{sorted[k + 1], here}));
+        EXPECT_EQ(list.beside({sorted[k + 1], here}, -1), (ListPlace{sorted[k], here}));
       }
+      const ListPlace last{sorted.back(), here};
+      const ListPlace first = list.beside(last, 1);
+      EXPECT_EQ(first, (ListPlace{list.order(here + 1).front(), here + 1})) << "the next round";
+      EXPECT_EQ(list.beside(first, -1), last) << "and back";
       std::ranges::sort(sorted);
       for (size_t k = 0; k < items; ++k) ASSERT_EQ(sorted.at(k), k);
     }

@@ -71,7 +71,8 @@ class PlaylistSteer : public testing::Test {
     return test::comes_true([&] { return control.displayed().frames > before; });
   }
   /// Returns an empty text, or the reason why the old place stays.
-  [[nodiscard]] std::string jump(const Jump& where) const {
+  [[nodiscard]] std::string jump(Jump where) const {
+    where.displayed = source->account_of(static_cast<uint32_t>(control.displayed().item));
     return outcome_of([&](const JumpDone& done) { source->jump(where, done); });
   }
   /// Calls one of the source's functions that end with a JumpDone, and returns as jump() does.
@@ -211,6 +212,46 @@ TEST_F(PlaylistSteer, NextAndPreviousWrapAroundTheList) {
   ASSERT_EQ(jump({.item = 1}), "");
   EXPECT_EQ(source->status().source, "b");
   EXPECT_EQ(jump({.item = 3}), "item 3: the list has 3 items");
+}
+
+TEST_F(PlaylistSteer, NextInTheLastSecondsOfAPictureShowsTheItemAfterIt) {
+  shelf.put("still", {0, {.geometry = kItemSize, .frames = 1, .rate = frames::Rate{1, 2}}});
+  shelf.put("b", {100, {.geometry = kItemSize, .frames = 1000}});
+  shelf.put("c", {100, {.geometry = kItemSize, .frames = 1000}});
+  Playlist list = list_of({"still", "b", "c"}, kForever);
+  list.items[0].still_s = 2.0;
+  start(list);
+  ASSERT_TRUE(is_moving());
+  ASSERT_TRUE(test::comes_true([&] { return source->status().source == "b"; }));
+  ASSERT_TRUE(plays("still", 0)) << "b is read ahead";
+  ASSERT_EQ(jump({.item = 1, .relative = true}), "");
+  EXPECT_EQ(source->status().source, "b");
+  ASSERT_EQ(jump({.item = 1, .relative = true}), "");
+  EXPECT_EQ(source->status().source, "c") << "also if b is not displayed yet";
+}
+
+TEST_F(PlaylistSteer, TheRoundsOfAListThatHasEndedAreDone) {
+  for (const char* name : {"a", "b"}) shelf.put(name, {0, {.geometry = kItemSize, .frames = 3}});
+  start(list_of({"a", "b"}));
+  player.join();
+  EXPECT_EQ(source->status().rounds_done, 1);
+}
+
+TEST_F(PlaylistSteer, ARingIsOpenedOnceHoweverManyTurnsItHas) {
+  shelf.put("ring:/s", {0, {.geometry = kItemSize, .frames = 5000, .rate = frames::Rate{60, 1}}});
+  Playlist list = list_of({"ring:/s", "missing", "ring:/s"}, kForever);
+  for (PlaylistItem& item : list.items) item.duration_s = 0.05;
+  start(list);
+  EXPECT_TRUE(test::comes_true([&] { return source->status().rounds_done >= 3; }));
+  const std::vector<uint64_t> frames = displayed_frames(2000);
+  for (size_t k = 1; k < frames.size(); ++k) ASSERT_EQ(frames[k], frames[k - 1] + 1);
+}
+
+TEST_F(PlaylistSteer, ARingWithoutARendererIsWaitedFor) {
+  shelf.put("ring:/s", {.waits = true});
+  start(list_of({"ring:/s"}));
+  EXPECT_TRUE(test::comes_true([&] { return source->status().state == kNoRenderer; }));
+  EXPECT_EQ(kNoRenderer.word, "waiting");
 }
 
 TEST_F(PlaylistSteer, TheStateOfABlankPanelIsBlankUntilBack) {

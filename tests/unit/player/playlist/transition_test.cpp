@@ -216,6 +216,25 @@ TEST_F(Transitions, GoInTheMiddleCuts) {
   EXPECT_EQ(take(1).front(), numbered_frame(kItemSize, 100));
 }
 
+TEST_F(Transitions, APictureInterruptedInItsFadeStaysForTheRestOfItsSeconds) {
+  put("a", 0, 3);
+  put("evacuate", 100, 5);
+  shelf.put("still", {10, {.geometry = kItemSize, .frames = 1}});
+  Playlist list = list_of({"a", "still"});
+  list.items[1].still_s = 1.0;
+  list.items[1].transition = TransitionKind::Cross;
+  (void)open(list);
+  (void)take(3 + 15);  // a quarter of the second, at 60 Hz
+  const auto other = std::make_shared<const Playlist>(list_of({"evacuate"}));
+  ASSERT_EQ(jump([&](const JumpDone& done) {
+              source->jump({.list = other, .item = 0, .interrupts = true}, done);
+            }),
+            "");
+  const std::vector<frames::WovenFrame> shown = take(100);
+  ASSERT_EQ(shown.size(), 5U + 3) << "three quarters, at 4 Hz";
+  for (size_t k = 5; k < shown.size(); ++k) EXPECT_EQ(shown[k], numbered_frame(kItemSize, 10));
+}
+
 /// Plays in simulated time.
 class TransitionTimes : public Transitions {
  protected:
