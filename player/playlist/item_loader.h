@@ -94,28 +94,24 @@ class PlaylistCursor {
   /// interrupted list. Throws Error(Usage) for an item that the list does not have.
   [[nodiscard]] PlaylistPlace target_of(const Jump& jump) const {
     const bool leaves = interrupted_ && (jump.item || jump.relative);
-    const auto playing = leaves ? interrupted_->list : list_;
-    const auto list = jump.list ? jump.list : playing;
+    const InterruptedPlace at = leaves ? *interrupted_ : here();
+    const auto list = jump.list ? jump.list : at.list;
     const auto items = static_cast<int64_t>(list->items.size());
-    const auto at = leaves ? interrupted_->playing : playing_;
-    const auto here = static_cast<int64_t>((at       ? at
-                                            : leaves ? interrupted_->chosen
-                                                     : chosen_)
-                                               .value_or(0));
+    const size_t item_here = (at.playing ? at.playing : at.chosen).value_or(0);
     if (items == 0)
       throw Error(ErrorKind::Failed, list->name + ": has no item at the moment",
                   "wait for a file, or load another source");
     int64_t index = jump.item.value_or(0);
-    int64_t rounds_done = jump.list ? 0 : leaves ? interrupted_->rounds_done : rounds_here();
+    int64_t rounds_done = jump.list ? 0 : at.rounds_done;
     if (jump.relative) {
-      ListPlace from{static_cast<size_t>(here), rounds_done};
+      ListPlace from{item_here, rounds_done};
       if (jump.displayed && list->has(jump.displayed->index, jump.displayed->source))
         from = {*jump.displayed->index, jump.displayed->rounds_done};
       from = list->beside(from, static_cast<int>(index));
       index = static_cast<int64_t>(from.index);
       rounds_done = from.round;
     }
-    if (!jump.item && !jump.list) index = here;
+    if (!jump.item && !jump.list) index = static_cast<int64_t>(item_here);
     if (index < 0 || index >= items)
       throw Error(ErrorKind::Usage, fmt::format("item {}: the list has {} items", index, items),
                   "items are counted from 0");
@@ -127,9 +123,7 @@ class PlaylistCursor {
   /// Moves to the place. An interruption keeps the place that it interrupts; a second one keeps the
   /// place of the first. A jump to another list ends the interruption.
   void jump(const PlaylistPlace& place) {
-    if (place.interrupts && !interrupted_)
-      interrupted_ = {
-          .list = list_, .playing = playing_, .chosen = chosen_, .rounds_done = rounds_here()};
+    if (place.interrupts && !interrupted_) interrupted_ = here();
     if (!place.interrupts && place.list != list_) interrupted_.reset();
     list_ = place.list;
     choose(place.index, place.rounds_done);
@@ -186,6 +180,7 @@ class PlaylistCursor {
   [[nodiscard]] std::optional<size_t> playing() const { return playing_; }
 
  private:
+  [[nodiscard]] InterruptedPlace here() const { return {list_, playing_, chosen_, rounds_here()}; }
   [[nodiscard]] int64_t rounds_here() const { return playing_ ? playing_rounds_ : rounds_done_; }
   /// Returns the place of the item that satisfies the condition; of several, the nearest to `near`.
   template <class Condition>

@@ -36,44 +36,10 @@ std::string formatted(int64_t time_us, const char* format) {
   return {text.data(), std::strftime(text.data(), text.size(), format, &time)};
 }
 
-/// Returns the numbers of "2026-11-25" or "14:03:05", all with two digits, except the year.
-std::optional<std::vector<int>> parts(std::string_view text, char separator) {
-  std::vector<int> numbers;
-  while (!text.empty()) {
-    const std::string_view part = take_until(text, separator);
-    const auto number = number_from<int>(part);
-    const size_t digits = separator == '-' && numbers.empty() ? 4 : 2;
-    if (!number || part.size() != digits || *number < 0) return std::nullopt;
-    numbers.push_back(*number);
-  }
-  return numbers;
-}
-
-/// Returns the time; nothing if there is no such day or time of day.
-std::optional<int64_t> time_of(const std::vector<int>& day, std::vector<int> clock) {
-  if (day.size() != 3 || clock.size() > 3 || clock.size() == 1) return std::nullopt;
-  clock.resize(3);
-  if (clock[0] > 23 || clock[1] > 59 || clock[2] > 59) return std::nullopt;
-  std::tm time{};
-  time.tm_year = day[0] - 1900;
-  time.tm_mon = day[1] - 1;
-  time.tm_mday = day[2];
-  time.tm_hour = clock[0];
-  time.tm_min = clock[1];
-  time.tm_sec = clock[2];
+/// Returns the time; the day may be beyond its month.
+int64_t time_of(std::tm time) {
   time.tm_isdst = -1;
-  const std::time_t seconds = std::mktime(&time);
-  if (time.tm_mon != day[1] - 1 || time.tm_mday != day[2] || seconds <= 0) return std::nullopt;
-  return static_cast<int64_t>(seconds) * kMicroseconds;
-}
-
-std::vector<int> day_of(int64_t time_us, int days_before) {
-  std::tm time = local(time_us);
-  time.tm_mday -= days_before;
-  time.tm_hour = 12;  // exists on each day of each time zone
-  time.tm_isdst = -1;
-  (void)std::mktime(&time);
-  return {time.tm_year + 1900, time.tm_mon + 1, time.tm_mday};
+  return static_cast<int64_t>(std::mktime(&time)) * kMicroseconds;
 }
 
 }  // namespace
@@ -100,12 +66,22 @@ std::string local_time(int64_t time_us) {
 }
 
 std::optional<int64_t> parse_local_time(std::string_view text, int64_t now_us) {
-  if (text == "today") return time_of(day_of(now_us, 0), {});
-  if (text == "yesterday") return time_of(day_of(now_us, 1), {});
-  const auto day = parts(take_until(text, ' '), '-');
-  const auto clock = parts(text, ':');
-  if (!day || !clock) return std::nullopt;
-  return time_of(*day, *clock);
+  std::tm time = local(now_us);
+  if (text == "today" || text == "yesterday")
+    return time_of({.tm_mday = time.tm_mday - (text == "today" ? 0 : 1),
+                    .tm_mon = time.tm_mon,
+                    .tm_year = time.tm_year});
+  const std::string whole(text);
+  for (const std::string_view format : {"%Y-%m-%d", "%Y-%m-%d %H:%M", "%Y-%m-%d %H:%M:%S"}) {
+    time = {};
+    const char* const end = strptime(whole.c_str(), format.data(), &time);
+    if (end == nullptr || *end != '\0') continue;
+    // Digits must not be missing, and the day must exist; a time of day may not, in spring.
+    const int64_t time_us = time_of(time);
+    const bool is_whole = text.size() == formatted(time_us, format.data()).size();
+    if (time_us > 0 && is_whole && text.starts_with(local_day(time_us))) return time_us;
+  }
+  return std::nullopt;
 }
 
 namespace {
