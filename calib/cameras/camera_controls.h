@@ -146,7 +146,7 @@ class CameraControls {
     enum class Aim { Value, Requested, Minimum, Maximum, Exposure };
     uint32_t id;
     Aim aim = Aim::Value;
-    std::optional<int64_t> value{};  ///< for Value and Requested; none keeps the camera's
+    std::optional<int64_t> value{};  ///< for Value and Requested; null keeps the setting
     [[nodiscard]] bool is_essential() const {
       return aim == Aim::Requested || aim == Aim::Exposure;
     }

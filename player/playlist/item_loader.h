@@ -37,7 +37,8 @@ struct Jump {
   /// Null: the item that is playing; -1 or 1 with `relative`.
   std::optional<int64_t> item = std::nullopt;
   bool relative = false;
-  /// From which a relative jump counts: frames are taken ahead. None: the item that is playing.
+  /// The item on the panel, from which a relative jump counts; null: from the playing item, whose
+  /// frames are read ahead.
   std::optional<ItemAccount> displayed = std::nullopt;
   uint64_t frame = 0;
   /// The target is a list that is played once; then the playing item continues where it was.
@@ -458,7 +459,7 @@ class ItemLoader {
   void jump(const Jump& jump, const JumpDone& done) {
     put_request(jump_, done, [&] {
       Jump where = jump;
-      // Of an item to which a jump led, no frame may be displayed yet.
+      // The panel may still show the item from which the last jump left.
       if (where.displayed && where.displayed->number < jumped_to_) where.displayed.reset();
       return JumpRequest{.place = cursor_.target_of(where),
                          .frame = where.frame,

@@ -116,7 +116,7 @@ struct Playlist {
   std::optional<PlaylistItem> standby;  ///< played when no item is scheduled or can be played
   uint64_t rounds = 1;                  ///< or kForever
   std::optional<uint64_t> shuffle{};  ///< plays each round in another order, which this seed gives
-  TransitionKind transition = TransitionKind::Cut;  ///< for items that name no transition
+  TransitionKind transition = TransitionKind::Cut;  ///< default of the items
   double transition_s = 0.5;
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};
