@@ -200,7 +200,7 @@ struct AdaptiveFrame {
     BandCounts counts;
   };
   std::vector<Band> bands;
-  int look = 0;  ///< number of times that limit_mean_square() rejected the kept bands
+  int look = 0;  ///< number of sets of bands that limit_mean_square() rejected
 
   /// Marks of the samples that were taken: the coarse ones and the others of blocks of
   /// kSampleRows rows of samples, and the bends of rows.
