@@ -175,7 +175,8 @@ def upgrade(vm, systemd, player, content):
     assert stats(vm)["kms"]["took_over"], stats(vm)["kms"]
 
 
-@vm_test(MACHINE, fresh=True)
+# scripts/check-package installs, upgrades and removes the packages with less, and test_units.py runs the units.
+@vm_test(MACHINE, fresh=True, slow=True)
 def sets_up_a_kiosk(vm):
     reduce_database(vm, make_packages(vm))
     content = Content(vm, MACHINE.width, MACHINE.height, FRAMES)

@@ -62,9 +62,9 @@ def vkms_composes_the_frame_exactly_after_the_output_was_off(vm):
     check_power(vm, still_exact)
 
 
-@vm_test(VIRTIO, fresh=True)
+@vm_test(Machine(display="virtio-gpu", width=640, height=480), fresh=True)
 def an_output_that_is_off_stays_off_when_the_player_is_killed(vm):
-    content = Content(vm, 1920, 1080, 3)
+    content = Content(vm, 640, 480, 3)
     service = vm.start([str(HERE / "service_host.py"), "10",
                         *play_command(vm, content, "--loop", "forever", "--control", SOCKET)])
     service.wait_for_line("READY 1", 60)

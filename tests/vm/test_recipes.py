@@ -12,8 +12,8 @@ from vm_test import Machine, Skip, require_program, vm_test
 
 REMOTE = pathlib.Path(__file__).resolve().parents[2] / "docs" / "examples" / "remote"
 PLAYER = ("--loop", "forever", "--control", SOCKET)
-BUTTON = Machine(display="virtio-gpu", modules=("gpio-sim",))
-TELEVISION = Machine(display="virtio-gpu", modules=(
+BUTTON = Machine(display="virtio-gpu", width=640, height=480, modules=("gpio-sim",))
+TELEVISION = Machine(display="virtio-gpu", width=640, height=480, modules=(
     "vivid n_devs=1 node_types=0x101 num_inputs=1 input_types=3 num_outputs=1 output_types=1",))
 
 
@@ -67,7 +67,7 @@ def is_busy(vm):
 @vm_test(BUTTON)
 def a_button_that_bounces_shows_the_cued_film_once(vm):
     require_tool("gpiomon")
-    content = Content(vm, 1920, 1080, 3)
+    content = Content(vm, 640, 480, 3)
     line = Line(vm)
     player = play(vm, content, "--frames", "0:1", *PLAYER)
     wait_until_shown(vm, player)
@@ -100,7 +100,7 @@ def cec_device(vm, kind):
 @vm_test(TELEVISION)
 def a_television_follows_the_output_and_is_asked(vm):
     require_tool("cec-follower")
-    content = Content(vm, 1920, 1080, 3)
+    content = Content(vm, 640, 480, 3)
     vm.wait_for_path("/dev/cec1")
     # Since Linux 6.12 no cable leads from the output to the input unless one is plugged in.
     vm.check([require_program(vm, "vm_camera_probe"), "loop", node_called(vm, "vivid-000-vid-cap"), "1"])

@@ -28,9 +28,9 @@ def wait_until_not(vm, shown, timeout=30):
         time.sleep(0.2)
 
 
-@vm_test(Machine(display="virtio-gpu"), fresh=True)
+@vm_test(Machine(display="virtio-gpu", width=640, height=480), fresh=True)
 def the_picture_comes_back_with_its_terminal(vm):
-    content = Content(vm, 1920, 1080, 1)
+    content = Content(vm, 640, 480, 1)
     vm.check("chmod 600 /dev/dri/card0")  # accessible only through the seat
     vm.check("echo elsewhere >/dev/tty2")
     vm.check(["busybox", "chvt", "1"])

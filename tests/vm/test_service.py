@@ -11,6 +11,7 @@ from vm_test import Machine, vm_test
 
 HERE = pathlib.Path(__file__).resolve().parent
 VIRTIO = Machine(display="virtio-gpu")
+SMALL = Machine(display="virtio-gpu", width=640, height=480)
 
 
 def wait_for_lines(process, text, count, timeout):
@@ -64,12 +65,12 @@ def check_lives(vm, width, height, lives, gap_seconds):
     assert shared < settled[1] + 2 * width * height * 4, (shared, settled)
 
 
-@vm_test(VIRTIO, fresh=True)
+@vm_test(SMALL, fresh=True)
 def a_killed_player_leaves_its_frame_to_the_next_one(vm):
-    check_lives(vm, 1920, 1080, 3, gap_seconds=2)  # the console returns if no process holds the card
+    check_lives(vm, 640, 480, 3, gap_seconds=2)  # the console returns if no process holds the card
 
 
-@vm_test(Machine(display="virtio-gpu", width=640, height=480), fresh=True, slow=True)
+@vm_test(SMALL, fresh=True, slow=True)
 def fifty_killed_players_leak_no_buffer(vm):
     check_lives(vm, 640, 480, 50, gap_seconds=0)
 
@@ -95,9 +96,9 @@ def reports_its_state_to_the_service_manager(vm):
     service.wait_for_line("STOPPING 1", 30)
 
 
-@vm_test(VIRTIO, fresh=True)
+@vm_test(SMALL, fresh=True)
 def waits_for_a_panel_that_is_off_at_the_start(vm):
-    content = Content(vm, 1920, 1080, 3)
+    content = Content(vm, 640, 480, 3)
     vm.start_udev()
     connector = "/sys/class/drm/card0-Virtual-1/status"
     vm.write_file(connector, "off")

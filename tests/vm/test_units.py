@@ -69,11 +69,11 @@ def check_rig_store(vm, unit):
     assert "offset_lenses = 0.0" in vm.check(["cat", f"{KEPT}/lobby.1.toml"]).stdout
 
 
-@vm_test(Machine(display="virtio-gpu", processors=1), fresh=True)
+@vm_test(Machine(display="virtio-gpu", width=640, height=480, processors=1), fresh=True)
 def systemd_keeps_the_picture_over_a_crash(vm):
     install(vm)
     check_card(vm)
-    content = Content(vm, 1920, 1080, 3)
+    content = Content(vm, 640, 480, 3)
     vm.check("mkdir -p /var/lib/lenticule/film")
     vm.check(f"cp {content.guest}/*.png /var/lib/lenticule/film/")
     vm.check("chown -R lenticule:lenticule /var/lib/lenticule")
