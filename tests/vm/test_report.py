@@ -69,7 +69,8 @@ def plays_still(now):
     return [turn["item"] for turn in now["playing"]] == [f"{FILM}/00000.png"]
 
 
-@vm_test(Machine(display="virtio-gpu", width=640, height=480, disk_mib=256, processors=1), fresh=True)
+# report_test.cpp has the rest of the proof of play on a real journald.
+@vm_test(Machine(display="virtio-gpu", width=640, height=480, disk_mib=256, processors=1), fresh=True, slow=True)
 def a_power_failure_loses_no_play_but_the_one_that_runs(vm):
     content = Content(vm, 640, 480, 3)
     prepare(vm, content)
