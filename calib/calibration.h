@@ -107,12 +107,19 @@ struct DriftPrediction {
   Vec3 eye_mm;
 };
 
+/// SetAside is a photograph that the result does not use because it contradicts the others.
+struct SetAside {
+  std::string photograph;
+  std::string reason;
+};
+
 struct Calibration {
   optics::Rig rig;  ///< the starting rig with the calibrated values
   Verdict verdict = Verdict::Refused;
   std::vector<std::string>
       reasons;  ///< reasons against a better verdict, one sentence each; empty when Intrinsic
   std::vector<std::string> warnings;  ///< notes for users that do not change the verdict
+  std::vector<SetAside> set_aside;    ///< each also has a warning
   std::vector<Parameter> parameters;
   std::vector<std::vector<double>>
       correlations;  ///< correlations of the first parameters, in order

@@ -7,7 +7,10 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <future>
+#include <map>
 #include <numbers>
+#include <utility>
 
 #include "calib/fit/prediction.h"
 #include "calib/fit/projection.h"
@@ -31,6 +34,12 @@ constexpr double kZoneHalfWidthMm = 250.0;
 /// Difference between traced lenses and the law of rigs with the gap and shape that fringes give:
 /// 95 of 100 sheets are within this for eyes at tangents up to 1.
 constexpr double kLawLenses = 0.006;
+
+std::vector<PhotoFindings> findings_of(const std::vector<PhonePhoto>& photos) {
+  std::vector<PhotoFindings> findings;
+  for (const PhonePhoto& photo : photos) findings.push_back(photo.findings);
+  return findings;
+}
 
 std::vector<Vec3> zone_of(const optics::Rig& rig) {
   std::vector<Vec3> eyes;
@@ -119,18 +128,23 @@ std::string words_of(const Explanation& cause) {
   return "";
 }
 
-/// Returns the worst fault of the n-th photograph that its own tags and fringes show.
-Misfit worst_misfit(const std::vector<PhonePhoto>& photos, size_t n, const PhotoFit& fit) {
-  const int averaged = photos[n].findings.averaged;
-  const Misfit kinds[] = {
-      {fit.corner_rms_px / kMostCornerPx,
-       fmt::format("its tags are {:.1f} pixels (rms) off: the hand moved, or the phone merged "
-                   "several exposures (HDR)",
-                   fit.corner_rms_px * averaged)},
-      {fit.phase_rms / kMostPhaseRms,
-       fmt::format("its fringes are {:.3f} lens (rms) off what the other photographs predict: {}",
-                   fit.phase_rms, cause_of_fringes(photos, n))}};
-  return *std::ranges::max_element(kinds, {}, &Misfit::excess);
+/// Returns the worst fault that the tags and fringes of a photograph show.
+Misfit worst_misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
+  Misfit worst;
+  for (size_t n = 0; n < photos.size(); ++n) {
+    const double corners = fit.photos[n].corner_rms_px, phases = fit.photos[n].phase_rms;
+    if (corners / kMostCornerPx > worst.excess)
+      worst = {corners / kMostCornerPx,
+               fmt::format("{}: its tags are {:.1f} pixels (rms) off: the hand moved, or the phone "
+                           "merged several exposures (HDR)",
+                           photos[n].name, corners * photos[n].findings.averaged)};
+    if (phases / kMostPhaseRms > worst.excess)
+      worst = {phases / kMostPhaseRms,
+               fmt::format("{}: its fringes are {:.3f} lens (rms) off what the other photographs "
+                           "predict: {}",
+                           photos[n].name, phases, cause_of_fringes(photos, n))};
+  }
+  return worst;
 }
 
 /// Returns the root of the sum of the squared pulls of all shifts, as for kFewPhotos photographs.
@@ -149,13 +163,11 @@ double excess_of_cameras(const PhoneFit& fit) {
   return most;
 }
 
-/// Names the likeliest mistake that would explain what the photographs contradict each other in,
-/// and another one that is nearly as likely.
+constexpr double kClose = 3.0;  ///< evidence: a factor of 20
+
+/// Names the likeliest mistake, and another one that is nearly as likely.
 std::string likeliest_mistake(const std::vector<PhonePhoto>& photos,
-                              const std::vector<PhotoFindings>& findings,
-                              const SinglePhotoChart& chart, const Estimate& focal_px) {
-  constexpr double kClose = 3.0;  // a factor of 20
-  const std::vector<Explanation> all = explain_contradiction(findings, chart, focal_px);
+                              const std::vector<Explanation>& all) {
   if (all.empty()) return "the photographs contradict each other: take all of them again";
   const Explanation& first = all.front();
   std::string out = photos[first.photo].name + ": " + words_of(first);
@@ -164,6 +176,12 @@ std::string likeliest_mistake(const std::vector<PhonePhoto>& photos,
   if (other != all.end() && other->evidence > first.evidence - kClose)
     out += "; or " + photos[other->photo].name + ": " + words_of(*other);
   return out;
+}
+
+/// Determines whether the sheet may have moved before a photograph.
+bool may_be_sheet(const std::vector<Explanation>& all) {
+  const auto sheet = std::ranges::find(all, MistakeKind::Sheet, &Explanation::kind);
+  return sheet != all.end() && sheet->evidence > all.front().evidence - kClose;
 }
 
 std::string doubt_of(const TurnedFit& turned, const std::string& photograph) {
@@ -195,24 +213,78 @@ std::string cut_chart(const std::vector<PhonePhoto>& photos) {
       cut->name, 100.0 * cut->findings.covered);
 }
 
-/// Returns which photograph contradicts the others most, and why; empty if none does.
-std::string misfit(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
-                   const std::vector<PhotoFindings>& findings, const SinglePhotoChart& chart,
-                   const Estimate& focal_px) {
-  Misfit worst{.excess = 1.0, .cause = {}};
-  for (size_t n = 0; n < photos.size(); ++n) {
-    const Misfit own = worst_misfit(photos, n, fit.photos[n]);
-    if (own.excess > worst.excess) worst = {own.excess, photos[n].name + ": " + own.cause};
+/// JointResult is the fit of some photographs, and whether they agree.
+struct JointResult {
+  std::optional<PhoneFit> fit;  ///< none if it did not converge
+  bool agrees = false;
+  /// Which photograph contradicts the others, and why. Empty if the cause is still to be searched.
+  std::string cause;
+};
+
+/// Photographs of which more than kFewPhotos contradict each other are fitted only until that is
+/// evident, and so are `some` of them.
+JointResult fit_jointly(const std::vector<PhonePhoto>& photos, const SinglePhotoChart& chart,
+                        const Estimate& focal_px, bool some = false) {
+  const PlausibleFit plausible = [&photos](const PhoneFit& fit) {
+    constexpr double kEvident = 2.0;
+    return worst_misfit(photos, fit).excess < kEvident && excess_of_cameras(fit) < kEvident &&
+           joint_pull(fit) < kEvident * kMostJointPull;
+  };
+  const bool ends_early = some || photos.size() > kFewPhotos;
+  JointResult out{
+      .fit = fit_phone(findings_of(photos), chart, focal_px, ends_early ? plausible : nullptr),
+      .cause = "no sheet and no camera agree with all photographs"};
+  if (!out.fit) return out;
+  const Misfit worst = worst_misfit(photos, *out.fit);
+  const bool fits = worst.excess <= 1.0;
+  out.cause = fits || excess_of_cameras(*out.fit) > worst.excess ? "" : worst.cause;
+  // A part of the chart leaves shifts and rotations too uncertain to blame one.
+  out.agrees = fits && excess_of_cameras(*out.fit) <= 1.0 &&
+               (depends_on_cut(photos) ||
+                (joint_pull(*out.fit) <= kMostJointPull &&
+                 moved_hand(*out.fit, chart.start, zone_of(chart.start)) == nullptr));
+  return out;
+}
+
+void set_aside(const PhonePhoto& photo, const std::string& reason, Calibration& out) {
+  out.set_aside.push_back({photo.name, reason});
+  out.warnings.push_back(photo.name + ": not used: " + reason);
+}
+
+/// Sets the one photograph aside without which all others agree, and returns true. Else, if there
+/// is none or several, names the cause of the contradiction. The rest of kFewPhotos could not
+/// contradict each other. Three may hide that the sheet moved between them, so that they do not
+/// accuse the fourth of that.
+bool set_odd_aside(std::vector<PhonePhoto>& photos, const SinglePhotoChart& chart,
+                   const Estimate& focal_px, JointResult& joint, Calibration& out) {
+  std::vector<std::future<JointResult>> rests;
+  for (size_t n = 0; n < photos.size() && photos.size() > kFewPhotos; ++n) {
+    std::vector<PhonePhoto> others = photos;
+    others.erase(others.begin() + static_cast<ptrdiff_t>(n));
+    rests.push_back(std::async(std::launch::async, [others = std::move(others), &chart, &focal_px] {
+      return fit_jointly(others, chart, focal_px, true);
+    }));
   }
-  const double cameras = excess_of_cameras(fit);
-  if (cameras <= worst.excess) {
-    // A part of the chart leaves shifts and rotations too uncertain to blame one.
-    if (!worst.cause.empty() || depends_on_cut(photos)) return worst.cause;
-    if (joint_pull(fit) <= kMostJointPull &&
-        moved_hand(fit, chart.start, zone_of(chart.start)) == nullptr)
-      return "";
-  }
-  return likeliest_mistake(photos, findings, chart, focal_px);
+  std::optional<size_t> odd;
+  size_t agreeing = 0;
+  JointResult others;
+  for (size_t n = 0; n < rests.size(); ++n)
+    if (JointResult rest = rests[n].get(); rest.agrees && ++agreeing == 1) {
+      odd = n;
+      others = std::move(rest);
+    }
+  if (agreeing > 1) odd.reset();
+  if (!odd && (!joint.fit || !joint.cause.empty())) return false;
+  const std::vector<Explanation> causes =
+      explain_contradiction(findings_of(photos), chart, focal_px, odd);
+  const std::string begin = odd ? photos[*odd].name + ": " : "";
+  if (!odd || !joint.cause.starts_with(begin)) joint.cause = likeliest_mistake(photos, causes);
+  if (!odd || (photos.size() <= kFewPhotos + 1 && may_be_sheet(causes))) return false;
+  set_aside(photos[*odd],
+            joint.cause.starts_with(begin) ? joint.cause.substr(begin.size()) : joint.cause, out);
+  photos.erase(photos.begin() + static_cast<ptrdiff_t>(*odd));
+  joint = std::move(others);
+  return true;
 }
 
 /// Returns the component of the panel's x axis along the picture's rows.
@@ -251,24 +323,29 @@ std::string wanted(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
   return "take one more from another place";
 }
 
-/// Returns the photographs without refusal; adds warnings of the others, and why there is no fit.
+/// Returns the photographs without refusal that have the most frequent size. Adds warnings of the
+/// others, and why there is no fit.
 std::vector<PhonePhoto> usable_photos(const std::vector<PhonePhoto>& photos, Calibration& out) {
-  std::vector<PhonePhoto> usable;
-  for (const PhonePhoto& photo : photos) {
-    if (!photo.findings.refusal.empty()) {
+  using Size = std::pair<int, int>;
+  const auto size_of = [](const PhonePhoto& photo) {
+    return Size(photo.findings.width, photo.findings.height);
+  };
+  std::map<Size, int> sizes;
+  Size usual;
+  for (const PhonePhoto& photo : photos)
+    if (!photo.findings.refusal.empty())
       out.warnings.push_back(photo.name + ": not used: " + photo.findings.refusal);
-      continue;
-    }
-    if (!usable.empty() && (photo.findings.width != usable.front().findings.width ||
-                            photo.findings.height != usable.front().findings.height)) {
-      out.reasons.push_back(
-          photo.name +
-          ": another size than the first photograph: give the files of one phone, "
-          "as it stored them");
-      return usable;
-    }
-    usable.push_back(photo);
-  }
+    else if (++sizes[size_of(photo)] > sizes[usual])
+      usual = size_of(photo);
+  std::vector<PhonePhoto> usable;
+  for (const PhonePhoto& photo : photos)
+    if (size_of(photo) == usual && photo.findings.refusal.empty())
+      usable.push_back(photo);
+    else if (photo.findings.refusal.empty())
+      set_aside(photo,
+                "another size than the other photographs: give the files of one phone, as it "
+                "stored them",
+                out);
   if (usable.size() < 2) {
     out.reasons.push_back(fmt::format("only {} of {} photographs can be used; two are needed",
                                       usable.size(), photos.size()));
@@ -309,10 +386,9 @@ void evaluate_error(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
   } else {
     out.verdict = Verdict::Intrinsic;
     if (photos.size() <= kFewPhotos)
-      out.warnings.push_back(fmt::format(
-          "{} photographs do not show whether the sheet moved between them: one more, from the "
-          "upper right with the phone upside down, does",
-          photos.size()));
+      out.warnings.push_back(
+          fmt::format("{} photographs do not show whether the sheet moved between them: {}",
+                      photos.size(), wanted(photos, mean)));
   }
 }
 
@@ -349,30 +425,29 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
   const auto began = std::chrono::steady_clock::now();
   Calibration out;
   out.rig = chart.start;
-  const std::vector<PhonePhoto> usable = usable_photos(photos, out);
+  std::vector<PhonePhoto> usable = usable_photos(photos, out);
   if (!out.reasons.empty()) return out;
-  std::vector<PhotoFindings> findings;
-  for (const PhonePhoto& photo : usable) findings.push_back(photo.findings);
-  const double averaged = findings.front().averaged;
+  const double averaged = usable.front().findings.averaged;
   const Estimate focal{focal_px.value / averaged, focal_px.sigma / averaged};
-  const auto fit = fit_phone(findings, chart, focal);
-  if (!fit) {
-    out.reasons.emplace_back("no sheet and no camera agree with all photographs");
+  JointResult joint = fit_jointly(usable, chart, focal);
+  while (!joint.agrees && set_odd_aside(usable, chart, focal, joint, out)) continue;
+  if (!joint.fit) {
+    out.reasons.push_back(joint.cause);
     return out;
   }
-  const PhoneFit mean = averaged_over_turns(*fit);
+  const PhoneFit mean = averaged_over_turns(*joint.fit);
   set_result(usable, mean, chart.start, out);
   out.seconds_computing =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-  if (const std::string reason = misfit(usable, *fit, findings, chart, focal); !reason.empty()) {
-    out.reasons.push_back(reason);
+  if (!joint.agrees) {
+    out.reasons.push_back(joint.cause);
     return out;
   }
   if (const auto problem = optics::find_problem(out.rig)) {
     out.reasons.push_back(problem->key + " would be " + problem->cause);
     return out;
   }
-  evaluate_error(usable, *fit, mean, chart.start, out);
+  evaluate_error(usable, *joint.fit, mean, chart.start, out);
   if (out.verdict == Verdict::Refused && out.drift.worst_lenses <= most_lenses)
     out.verdict = Verdict::Effective;
   return out;

@@ -27,6 +27,7 @@
 #include <cmath>
 #include <complex>
 #include <functional>
+#include <future>
 #include <iterator>
 #include <numbers>
 #include <type_traits>
@@ -504,45 +505,63 @@ class Joint {
     search_gap(model_, values_);
   }
 
-  std::optional<PhoneFit> run() {
-    const std::optional<MatrixXd> inverse = settle();
+  std::optional<PhoneFit> run(const PlausibleFit& plausible) {
+    const std::optional<MatrixXd> inverse = settle(plausible);
     if (!inverse) return std::nullopt;
     PhoneFit fit = finish(*inverse);
-    const VectorXd found = values_;
-    for (size_t n = 0; n < model_.seen().size(); ++n) {
-      if (auto turned = turned_fit(n)) fit.turned.push_back(std::move(*turned));
-      values_ = found;
-    }
+    if (plausible && !plausible(fit)) return fit;
+    std::vector<std::future<std::optional<TurnedFit>>> turned;
+    for (size_t n = 0; n < model_.seen().size(); ++n)
+      turned.push_back(
+          std::async(std::launch::async, [own = *this, n]() mutable { return own.turned_fit(n); }));
+    for (auto& one : turned)
+      if (auto found = one.get()) fit.turned.push_back(std::move(*found));
     return fit;
   }
 
   /// Returns the explanations of a contradiction, the likeliest first.
-  std::vector<Explanation> explain() {
+  std::vector<Explanation> explain(std::optional<size_t> only) {
+    double cost = 0.0, spread = 0.0;
+    if (!only) {
+      const std::optional<MatrixXd> inverse = settle(nullptr);
+      if (!inverse) return {};
+      cost = cost_;
+      spread = log_determinant(*inverse);
+    }
+    std::vector<std::future<std::optional<Explanation>>> all;
+    for (size_t n = only.value_or(0); n <= only.value_or(model_.seen().size() - 1); ++n)
+      for (size_t k = 0; k < std::size(kMistakes); ++k)
+        all.push_back(std::async(std::launch::async, [own = *this, n, k, cost, spread]() mutable {
+          return own.explanation(n, k, cost, spread);
+        }));
     std::vector<Explanation> out;
-    const std::optional<MatrixXd> inverse = settle();
-    if (!inverse) return out;
-    const VectorXd found = values_;
-    const double cost = cost_, spread = log_determinant(*inverse);
-    for (size_t n = 0; n < model_.seen().size(); ++n)
-      for (size_t k = 0; k < std::size(kMistakes); ++k, values_ = found) {
-        const auto kind = static_cast<MistakeKind>(k);
-        const std::optional<MatrixXd> own = solve(Mistake{kind, n});
-        if (!own) continue;
-        const auto& [at, count, usual, of_mistake] = kMistakes[k];
-        out.push_back({kind, n, values_.segment(model_.photo_at(n) + at, count).norm(),
-                       cost - cost_ + 0.5 * (log_determinant(*own) - spread) -
-                           count * std::log(of_mistake / usual)});
-      }
+    for (auto& one : all)
+      if (const auto found = one.get()) out.push_back(*found);
     std::ranges::sort(out, std::greater{}, &Explanation::evidence);
     return out;
   }
 
  private:
-  /// Finds the unknowns with the standard errors that the residuals show.
-  std::optional<MatrixXd> settle() {
-    for (int round = 0; round < 3; ++round, rescale())
-      if (!solve()) return std::nullopt;
-    return solve();
+  /// Finds the unknowns with the standard errors that the residuals show, unless a fit on the way
+  /// is not plausible.
+  std::optional<MatrixXd> settle(const PlausibleFit& plausible) {
+    std::optional<MatrixXd> inverse = solve();
+    for (int round = 0; inverse && round < 3; ++round) {
+      if (plausible && !plausible(finish(*inverse))) break;
+      rescale();
+      inverse = solve();
+    }
+    return inverse;
+  }
+  /// Fits with one mistake in one photograph. Evidence is relative to a fit without it.
+  std::optional<Explanation> explanation(size_t n, size_t k, double cost, double spread) {
+    const auto kind = static_cast<MistakeKind>(k);
+    const std::optional<MatrixXd> inverse = solve(Mistake{kind, n});
+    if (!inverse) return std::nullopt;
+    const auto& [at, count, usual, of_mistake] = kMistakes[k];
+    return Explanation{kind, n, values_.segment(model_.photo_at(n) + at, count).norm(),
+                       cost - cost_ + 0.5 * (log_determinant(*inverse) - spread) -
+                           count * std::log(of_mistake / usual)};
   }
   static double log_determinant(const MatrixXd& covariance) {
     return covariance.ldlt().vectorD().array().abs().max(1e-300).log().sum();
@@ -733,15 +752,17 @@ class Joint {
 }  // namespace
 
 std::optional<PhoneFit> fit_phone(const std::vector<PhotoFindings>& photos,
-                                  const SinglePhotoChart& chart, const Estimate& focal_px) {
+                                  const SinglePhotoChart& chart, const Estimate& focal_px,
+                                  const PlausibleFit& plausible) {
   if (photos.size() < 2) return std::nullopt;
-  return Joint(photos, chart, focal_px).run();
+  return Joint(photos, chart, focal_px).run(plausible);
 }
 
 std::vector<Explanation> explain_contradiction(const std::vector<PhotoFindings>& photos,
                                                const SinglePhotoChart& chart,
-                                               const Estimate& focal_px) {
-  return Joint(photos, chart, focal_px).explain();
+                                               const Estimate& focal_px,
+                                               std::optional<size_t> only) {
+  return Joint(photos, chart, focal_px).explain(only);
 }
 
 namespace {

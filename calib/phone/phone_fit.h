@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -57,19 +58,24 @@ struct TurnedFit {
   PhoneFit fit;  ///< without turned fits
 };
 
+/// PlausibleFit returns whether a fit that is not finished may still become a good one.
+using PlausibleFit = std::function<bool(const PhoneFit&)>;
+
 /// Fits two or more photographs, all measured without refusal and of equal size. The unknowns are
 /// the focal length (prior `focal_px`, in averaged pixels), the principal point, two radial terms,
 /// a smooth warp of all pictures; for each photograph its pose, its focus breathing, its shift by
 /// the stabiliser, its rotation while the rows were read, and the enlargement of its tags; the
 /// sheet and its residual map. A knot far from all fringes continues the map straight. The whole
 /// lenses between photographs follow from the gap, searched within 30 % of the start. Returns
-/// nothing if the fit does not converge.
+/// nothing if the fit does not converge. Fits that are not plausible end early, without turned
+/// fits.
 ///
 /// The photographs' light is the mean of the channels, but `values` has the gap of green light: a
 /// rig's colours are those of its panel, and the sheet refracts them differently.
 [[nodiscard]] std::optional<PhoneFit> fit_phone(const std::vector<PhotoFindings>& photos,
                                                 const SinglePhotoChart& chart,
-                                                const Estimate& focal_px);
+                                                const Estimate& focal_px,
+                                                const PlausibleFit& plausible = nullptr);
 
 /// MistakeKind is what one photograph may have that the others do not: a phone that turned while
 /// the rows were read, another axis, another focal length, a sheet that had moved.
@@ -84,10 +90,11 @@ struct Explanation {
 };
 
 /// Fits the photographs once more for each mistake in each photograph. Returns the explanations,
-/// the likeliest first; none if no fit converges. Arguments as for fit_phone().
+/// the likeliest first; none if no fit converges. With `only`, mistakes are in that photograph,
+/// and their evidence is relative to each other. Other arguments as for fit_phone().
 [[nodiscard]] std::vector<Explanation> explain_contradiction(
     const std::vector<PhotoFindings>& photos, const SinglePhotoChart& chart,
-    const Estimate& focal_px);
+    const Estimate& focal_px, std::optional<size_t> only = std::nullopt);
 
 // Judges whether the hand turned while a photograph was read. As the rows are read one after the
 // other, a rotation looks like a shift of the camera's axis and a step to the side: few photographs

@@ -25,11 +25,13 @@ class PhoneCommand : public CommandTest {
     optics::save_rig(workshop_.start, path("start.toml"));
   }
   void photograph_all() const {
+    for (size_t n = 0; n < workshop_.shots.size(); ++n) photograph_one(n);
+  }
+  void photograph_one(size_t n) const {
     const frames::WovenFrame shown = calib::draw_single_photo_chart(
         calib::plan_single_photo_chart(optics::load_rig(path("start.toml"))));
-    for (size_t n = 0; n < workshop_.shots.size(); ++n)
-      write_photo(photograph(sheet_, shown.view(), workshop_.phone, workshop_.shots[n]),
-                  workshop_.phone.jpeg_quality, path("inbox/" + std::to_string(n + 1) + ".jpg"));
+    write_photo(photograph(sheet_, shown.view(), workshop_.phone, workshop_.shots[n]),
+                workshop_.phone.jpeg_quality, path("inbox/" + std::to_string(n + 1) + ".jpg"));
   }
   [[nodiscard]] ProcessResult calibrate(std::vector<std::string> more,
                                         const ProcessLimits& limits = {}) const {
@@ -61,6 +63,25 @@ TEST_F(PhoneCommand, EndsWithARigAPictureAndANumber) {
     EXPECT_NE(found.out.find(part), std::string::npos) << found.out;
   EXPECT_NE(found.err.find("1. Photograph the whole panel"), std::string::npos) << found.err;
   EXPECT_NE(found.err.find("6.jpg: good"), std::string::npos) << found.err;
+}
+
+// All arrive one after the other, and each is fitted with those before it.
+TEST_F(PhoneCommand, StatesItsProgressAndSetsAPhotographAsideThatSpoilsTheOthers) {
+  photograph_all();
+  const lab::Phone phone = workshop_.phone;
+  workshop_.phone.focal *= 1.08;
+  photograph_one(2);
+  workshop_.phone = phone;
+  const ProcessResult found =
+      calibrate({"--existing", "--minutes", "0.2"}, {.timeout = std::chrono::seconds(300)});
+  ASSERT_EQ(found.exit_code, 0) << found.err << found.out;
+  EXPECT_NE(found.err.find("3.jpg: set aside: "), std::string::npos) << found.err;
+  EXPECT_NE(found.err.find("3 photographs do not show whether the sheet moved"), std::string::npos)
+      << found.err;
+  EXPECT_NE(found.err.find(", then 0.0"), std::string::npos) << found.err;
+  EXPECT_LT(lab::worst_error(optics::load_rig(path("found.toml")), sheet_,
+                             lab::judged_eyes(workshop_.start)),
+            0.02);
 }
 
 // Photographs that cannot be used are packed, too: they show why.

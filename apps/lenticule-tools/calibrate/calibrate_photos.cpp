@@ -113,7 +113,13 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
                                   .height = photograph.height,
                                   .channels = photograph.channels,
                                   .pixel_format = "photograph"};
-  return conclude(flags, rig, found, {.method = "one photograph", .camera = camera});
+  nlohmann::json more = nlohmann::json::object();
+  if (flags.result.json && found.verdict == calib::Verdict::Refused) {
+    HandHeldPhotos photos(rig, flags.focal_px);  // among several, it may count
+    (void)photos.add(flags.sources.front());
+    more["photographs"] = photos.to_json({});
+  }
+  return conclude(flags, rig, found, {.method = "one photograph", .camera = camera}, more);
 }
 
 /// Calibrates from several photographs of the photo chart, taken by hand from different places.
@@ -344,18 +350,14 @@ class Collection {
     Clock::time_point last = Clock::now();
     while (taken_ < flags_.most && Clock::now() - last < patience) {
       panel_.pause();
-      const std::vector<fs::path> files = arrivals_.arrived();
-      for (const fs::path& file : files) {
+      for (const fs::path& file : arrivals_.arrived()) {
         if (player::interrupted()) return std::nullopt;
-        take(file);
+        last = Clock::now();
+        if (!take(file) || photos_.usable() < 2) continue;
+        calib::Calibration found = photos_.calibrate();
+        if (is_enough(found)) return found;
       }
       if (player::interrupted()) return std::nullopt;
-      if (files.empty()) continue;
-      last = Clock::now();
-      if (photos_.usable() < static_cast<size_t>(flags_.least)) continue;
-      calib::Calibration found = photos_.calibrate();
-      if (found.verdict == calib::Verdict::Intrinsic) return found;
-      for (const std::string& reason : found.reasons) say("not yet: {}\n", reason);
     }
     return photos_.calibrate();
   }
@@ -363,19 +365,40 @@ class Collection {
   [[nodiscard]] const HandHeldPhotos& photos() const { return photos_; }
 
  private:
-  /// Measures a photograph and reports whether it can be used.
-  void take(const fs::path& file) {
+  /// Says which photographs do not count, the errors that the fits stated so far, and what is
+  /// missing. Returns true if nothing is.
+  bool is_enough(const calib::Calibration& found) {
+    for (const calib::SetAside& one : found.set_aside)
+      say("{}: set aside: {}\n", one.photograph, one.reason);
+    if (HandHeldPhotos::agree(found))
+      errors_ +=
+          fmt::format("{}{:.3f}", errors_.empty() ? "" : ", then ", found.drift.worst_lenses);
+    const size_t count = found.viewpoints.size();
+    if (!errors_.empty())
+      say("{} photographs count; error anywhere in the viewing zone: {} lens\n", count, errors_);
+    for (const std::string& reason : found.reasons) say("not yet: {}\n", reason);
+    if (found.verdict != calib::Verdict::Intrinsic) return false;
+    if (count >= static_cast<size_t>(flags_.least)) return true;
+    constexpr size_t kFew = 3;  // for which the last warning is that the sheet may have moved
+    say("not yet: {}\n", count <= kFew ? found.warnings.back() : "take one more");
+    return false;
+  }
+  /// Measures a photograph, and reports and returns whether it can be used.
+  bool take(const fs::path& file) {
     const std::string name = file.filename().string();
     say("{}: measuring\n", name);
     ++taken_;
+    bool good = false;
     try {
       const std::string refusal = photos_.add(file);
-      say("{}: {}\n", name, refusal.empty() ? "good" : "not used: " + refusal);
+      good = refusal.empty();
+      say("{}: {}\n", name, good ? "good" : "not used: " + refusal);
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::Input) throw;
       say("{}: not used: {}; let the phone store JPEG files\n", name, error.what());
     }
-    if (!planned_again_) plan_again();
+    if (!planned_again_ && photos_.usable() == 1) plan_again();
+    return good;
   }
 
   void plan_again() {
@@ -388,6 +411,7 @@ class Collection {
     panel_.show(calib::draw_single_photo_chart(photos_.chart()));
     planned_again_ = true;
     taken_ = 0;
+    errors_.clear();
   }
 
   const PhoneFlags& flags_;
@@ -396,6 +420,7 @@ class Collection {
   PhotoArrivals arrivals_;
   int taken_ = 0;
   bool planned_again_ = false;
+  std::string errors_;  ///< stated by fits whose photographs agree, lenses
 };
 
 ExitCode run_phone(const PhoneFlags& flags) {
@@ -455,7 +480,7 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
   way->add_flag("--existing", flags->existing,
                 "also use photographs that are in the folder already");
   cli::add_option(*way, "--least", flags->least,
-                  "number of usable photographs before the first attempt")
+                  "number of photographs that must count before the command ends")
       ->check(CLI::Range(2, 20));
   cli::add_option(*way, "--most", flags->most,
                   "number of photographs after which the command gives up")

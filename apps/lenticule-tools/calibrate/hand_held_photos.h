@@ -84,21 +84,44 @@ class HandHeldPhotos {
   }
   /// Calibrates from all photographs so far; see calib::calibrate_phone() for `most_lenses`.
   [[nodiscard]] calib::Calibration calibrate(double most_lenses = 0.0) const {
-    return calib::calibrate_phone(photos_, chart_, focal_px_, most_lenses);
+    // The median: one of another lens of the phone does not count.
+    std::vector<calib::Estimate> focal_px = focal_px_;
+    std::ranges::sort(focal_px, {}, &calib::Estimate::value);
+    return calib::calibrate_phone(
+        photos_, chart_, focal_px.empty() ? calib::Estimate() : focal_px[focal_px.size() / 2],
+        most_lenses);
   }
-  /// Returns for each photograph whether it was used or the reason why not, in what it contradicts
-  /// the others, the place of the camera and how it was held: the angle by which the rows of the
-  /// picture are turned on the panel.
+  /// Returns in what a photograph contradicts the others; empty if it does not.
+  static std::string doubt_of(const std::string& photograph, const calib::Calibration& found) {
+    const std::string begin = photograph + ": ";
+    for (const std::string& reason : found.reasons)
+      if (reason.starts_with(begin)) return reason.substr(begin.size());
+    return {};
+  }
+  /// Returns whether the photographs of a fit agree, so that its error says something.
+  static bool agree(const calib::Calibration& found) {
+    return !found.viewpoints.empty() &&
+           std::ranges::all_of(found.viewpoints, [&found](const calib::Viewpoint& place) {
+             return doubt_of(place.name, found).empty();
+           });
+  }
+  /// Returns for each photograph whether it was used or the reason why not, whether it was set
+  /// aside, in what it contradicts the others, the place of the camera and how it was held: the
+  /// angle by which the rows of the picture are turned on the panel.
   [[nodiscard]] nlohmann::json to_json(const calib::Calibration& found) const {
     nlohmann::json out = nlohmann::json::array();
     for (const calib::PhonePhoto& photo : photos_) {
-      const std::string &reason = photo.findings.refusal, begin = photo.name + ": ";
-      std::string doubt;
-      for (const std::string& one : found.reasons)
-        if (doubt.empty() && one.starts_with(begin)) doubt = one.substr(begin.size());
-      nlohmann::json entry = {{"name", escaped(photo.name)}, {"used", reason.empty()},
-                              {"reason", escaped(reason)},   {"doubt", escaped(doubt)},
-                              {"eye_mm", nullptr},           {"roll_degrees", nullptr}};
+      const auto aside =
+          std::ranges::find(found.set_aside, photo.name, &calib::SetAside::photograph);
+      const bool is_aside = aside != found.set_aside.end();
+      const std::string& reason = is_aside ? aside->reason : photo.findings.refusal;
+      nlohmann::json entry = {{"name", escaped(photo.name)},
+                              {"used", reason.empty()},
+                              {"set_aside", is_aside},
+                              {"reason", escaped(reason)},
+                              {"doubt", escaped(doubt_of(photo.name, found))},
+                              {"eye_mm", nullptr},
+                              {"roll_degrees", nullptr}};
       if (const auto& pose = photo.findings.pose) {
         const auto& turn = pose->panel_from_camera;
         entry["roll_degrees"] = std::atan2(turn[3], turn[0]) * 180.0 / std::numbers::pi;
@@ -143,7 +166,7 @@ class HandHeldPhotos {
   std::string keep(const std::filesystem::path& file, Measured measured) {
     const std::string refusal = measured.photo.findings.refusal;
     if (refusal.empty()) {
-      focal_px_ = measured.focal;
+      focal_px_.push_back(measured.focal);
       camera_.name = measured.photo.name;
       camera_.width = measured.width;
       camera_.height = measured.height;
@@ -155,7 +178,7 @@ class HandHeldPhotos {
 
   calib::SinglePhotoChart chart_;
   std::optional<double> given_focal_px_;
-  calib::Estimate focal_px_;
+  std::vector<calib::Estimate> focal_px_;  ///< of the photographs that can be used
   std::vector<calib::PhonePhoto> photos_;
   std::vector<std::filesystem::path> files_;
   calib::CameraFacts camera_{.channels = 3, .pixel_format = "photograph"};

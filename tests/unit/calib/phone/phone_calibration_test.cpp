@@ -73,6 +73,16 @@ TEST(PhoneCalibration, SmallPanelsAndWideLensesHaveFiveTags) {
       << found.error_lenses << ::testing::PrintToString(found.reasons);
 }
 
+/// Cuts a photograph at one side, and enlarges it by a tenth to the old size.
+void crop(PhotoFindings& photo) {
+  const auto moved = [](Vec2 pixel) { return (pixel - Vec2{60.0, 20.0}) * 1.1; };
+  for (TagSighting& tag : photo.tags)
+    for (Vec2& corner : tag.corners_px) corner = moved(corner);
+  for (FringeBlock& block : photo.blocks) block.pixel = moved(block.pixel);
+  photo.pose->focal_px *= 1.1;
+  photo.pose->middle_px = moved(photo.pose->middle_px);
+}
+
 TEST(PhoneCalibration, PhotographsThatContradictEachOtherAreRefusedAndNamed) {
   const HandTrial trial(4, test::small_workshop(3));
   const auto reasons = [&](const auto& change) {
@@ -87,18 +97,44 @@ TEST(PhoneCalibration, PhotographsThatContradictEachOtherAreRefusedAndNamed) {
     for (FringeBlock& block : photo.blocks) block.phase += 0.2 * block.y;
   };
   EXPECT_THAT(reasons(moved_sheet), ElementsAre(HasSubstr("photograph ")));
-  const auto cropped = [](PhotoFindings& photo) {
-    // Cut at one side and enlarged by a tenth to the old size.
-    const auto moved = [](Vec2 pixel) { return (pixel - Vec2{60.0, 20.0}) * 1.1; };
-    for (TagSighting& tag : photo.tags)
-      for (Vec2& corner : tag.corners_px) corner = moved(corner);
-    for (FringeBlock& block : photo.blocks) block.pixel = moved(block.pixel);
-    photo.pose->focal_px *= 1.1;
-    photo.pose->middle_px = moved(photo.pose->middle_px);
+  EXPECT_THAT(reasons(crop), ElementsAre(HasSubstr("cropped")));
+}
+
+TEST(PhoneCalibration, APhotographThatSpoilsTheOthersIsSetAsideAndNamed) {
+  const HandTrial trial(101, test::small_workshop(5));
+  const auto with_spoiled = [&](size_t place, const auto& change) {
+    std::vector<PhonePhoto> photos = trial.photos();
+    change(photos[place].findings);
+    const Calibration found = calibrate(trial, photos);
+    EXPECT_EQ(found.verdict, Verdict::Intrinsic) << ::testing::PrintToString(found.reasons);
+    EXPECT_LT(trial.error_of(found.rig), HandTrial::kMostLenses);
+    EXPECT_EQ(found.viewpoints.size(), 4U);
+    EXPECT_EQ(found.set_aside.size(), 1U);
+    if (found.set_aside.empty()) return std::string();
+    EXPECT_EQ(found.set_aside[0].photograph, trial.photos()[place].name);
+    return found.set_aside[0].reason;
   };
-  EXPECT_THAT(reasons(cropped), ElementsAre(HasSubstr("cropped")));
   const auto smaller = [](PhotoFindings& photo) { photo.width /= 2; };
-  EXPECT_THAT(reasons(smaller), ElementsAre(HasSubstr("photograph 2: another size")));
+  EXPECT_THAT(with_spoiled(0, smaller), HasSubstr("another size"));
+  EXPECT_THAT(with_spoiled(2, smaller), HasSubstr("another size"));
+  EXPECT_THAT(with_spoiled(1, crop), HasSubstr("cropped"));
+}
+
+// The fit does not show whether the sheet moved before the fourth or between the first three.
+TEST(PhoneCalibration, ThreePhotographsDoNotAccuseTheFourthOfASheetThatMoved) {
+  const HandTrial trial(101, test::small_workshop(5));
+  const auto with_moved = [&](size_t count) {
+    std::vector<PhonePhoto> photos(trial.photos().begin(), trial.photos().begin() + count);
+    for (FringeBlock& block : photos.back().findings.blocks) block.phase += 0.2;
+    return calibrate(trial, photos);
+  };
+  const Calibration four = with_moved(4);
+  EXPECT_EQ(four.verdict, Verdict::Refused);
+  EXPECT_THAT(four.reasons, ElementsAre(HasSubstr("the sheet moved on the panel by 0.20 lens")));
+  const Calibration five = with_moved(5);
+  EXPECT_EQ(five.verdict, Verdict::Intrinsic) << ::testing::PrintToString(five.reasons);
+  ASSERT_EQ(five.set_aside.size(), 1U);
+  EXPECT_EQ(five.set_aside[0].photograph, "photograph 5");
 }
 
 TEST(PhoneCalibration, FewerThanThreePhotographsOfTheWholeChartAreNotEnough) {
