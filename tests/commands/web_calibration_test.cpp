@@ -338,14 +338,48 @@ TEST_F(HandHeldCalibration, SeveralPhotographsGiveARigForEveryEye) {
   EXPECT_LT(error, three) << "the stated error holds for every eye";
 }
 
+// The first one is refused alone, as its distance is wrong; two state too large an error, and three
+// contradict each other, as one was zoomed.
+TEST_F(HandHeldCalibration, PhotographsThatAreFineTogetherOnlyGiveARigInSpiteOfOneThatSpoilsIt) {
+  begin();
+  ordered_json now = send(photo(1), "left&distance=300");
+  EXPECT_EQ(now["stage"], "refused") << now;
+  EXPECT_EQ(now["photographs"][1]["used"], true) << now;
+  EXPECT_EQ(now["next"], "middle");
+  now = send(photo(0));
+  ASSERT_EQ(now["fit"]["progress_lenses"].size(), 1U) << now;
+  EXPECT_GT(now["fit"]["stated_lenses"], 0.02);
+  EXPECT_EQ(now["next"], "right");
+
+  phone_.photograph_zoomed(shown_, 2, path("zoomed.jpg"));
+  now = send(bytes_of("zoomed.jpg"));
+  EXPECT_EQ(now["photographs"][2]["refusal"], "") << now;
+  EXPECT_EQ(now["fit"]["stated_lenses"], nullptr) << now;
+  EXPECT_NE(now["result"]["photographs"], 3) << now;
+  EXPECT_EQ(now["next"], "right-again");
+  now = send(photo(3));
+  EXPECT_EQ(now["stage"], "found") << now;
+  EXPECT_EQ(now["photographs"][2]["used"], false);
+  EXPECT_NE(now["photographs"][2]["note"].get<std::string>().find("set aside: "), std::string::npos)
+      << now;
+  EXPECT_EQ(now["result"]["photographs"], 3) << now;
+  ASSERT_EQ(now["fit"]["progress_lenses"].size(), 2U) << now;
+  EXPECT_LT(now["fit"]["progress_lenses"][1], now["fit"]["progress_lenses"][0]);
+  EXPECT_EQ(now["next"], "left-again") << "a fourth one checks whether anything moved";
+  EXPECT_EQ(kept().size(), 4U) << "also the one that is set aside";
+
+  const double stated = now["fit"]["stated_lenses"];
+  EXPECT_EQ(calibration("POST", "/keep")["stage"], "kept");
+  EXPECT_LT(phone_.error_of(optics::load_rig(path("rig.toml"))), stated);
+}
+
 TEST_F(HandHeldCalibration, ARefusedPhotographTakesNothingFromTheOthers) {
   begin();
   EXPECT_EQ(send(photo(0, true))["stage"], "refused") << "the first one is cut";
   ASSERT_EQ(send(photo(0))["stage"], "found");
   const std::string first = calibration("GET", "").dump();
   const std::string rig = phone("GET", "/api/v1/calibration/rig.toml").body;
-  for (const std::string& bytes :
-       {photo(1, true), std::string("no picture"), bytes_of("still.png")}) {
+  for (const std::string& bytes : {std::string("no picture"), bytes_of("still.png")}) {
     const ordered_json now = send(bytes, "left");
     EXPECT_EQ(now["stage"], "found") << now;
     EXPECT_NE(refusal(now, 1), "");

@@ -41,6 +41,14 @@ class HandHeldPhone {
     write_photo(lab::photograph(sheet_, shown.view(), workshop_.phone, shot),
                 workshop_.phone.jpeg_quality, file);
   }
+  /// Photographs the panel from a place with zoom, which contradicts the other photographs.
+  void photograph_zoomed(const frames::WovenFrame& shown, size_t place,
+                         const std::filesystem::path& file) const {
+    lab::Phone zoomed = workshop_.phone;
+    zoomed.focal *= 1.08;
+    write_photo(lab::photograph(sheet_, shown.view(), zoomed, shot(place)), zoomed.jpeg_quality,
+                file);
+  }
   /// Returns the largest phase error of a rig over panel and viewing zone, lenses.
   [[nodiscard]] double error_of(const optics::Rig& rig) const {
     return lab::worst_error(rig, sheet_, lab::judged_eyes(workshop_.start));

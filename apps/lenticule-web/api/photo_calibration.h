@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// PhotoCalibration calibrates the lens sheet from one to four photographs: it shows the chart, lets
-// `lenticule calibrate photos` judge the photographs, in a process of its own, and saves nothing
-// before keep().
+// PhotoCalibration calibrates the lens sheet from one to six photographs: it shows the chart, lets
+// `lenticule calibrate photos` fit all of them together whenever one arrives, in a process of its
+// own, and saves nothing before keep().
 #pragma once
 
 #include <fcntl.h>
@@ -13,7 +13,6 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -168,7 +167,8 @@ class PhotoCalibration {
       place = request.place ? PhotoSession::place_of(*request.place) : session_.next().value_or(0);
     }
     return std::make_unique<PhotoUpload>(
-        std::move(claim), folder_.incoming() / kPhotoPlaces[place].name,
+        // The command knows a picture's format by its content.
+        std::move(claim), folder_.incoming() / fmt::format("{}.jpg", kPhotoPlaces[place].name),
         [this, place, distance_mm = request.distance_mm](const std::filesystem::path& file) {
           judge(place, {.file = file, .distance_mm = distance_mm});
           return json_response(state());
@@ -258,17 +258,6 @@ class PhotoCalibration {
     return message;
   }
 
-  /// Returns the extension of a picture file by its first bytes, as the command expects it.
-  static const char* extension_of(const std::filesystem::path& file) {
-    const UniqueFd fd(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
-    unsigned char begin[4] = {};
-    if (fd && ::read(fd.get(), begin, sizeof begin) == static_cast<ssize_t>(sizeof begin)) {
-      if (std::memcmp(begin, "\x89PNG", 4) == 0) return ".png";
-      if (std::memcmp(begin, "II*\0", 4) == 0 || std::memcmp(begin, "MM\0*", 4) == 0) return ".tif";
-    }
-    return ".jpg";
-  }
-
   /// Claim marks work that only one thread may do at a time.
   class Claim {
    public:
@@ -293,12 +282,10 @@ class PhotoCalibration {
   /// elsewhere.
   class PhotoUpload final : public BodySink {
    public:
-    /// Takes the whole photograph, whose file has the extension of its format, and returns the
-    /// answer.
+    /// Takes the whole photograph, and returns the answer.
     using Judge = std::function<Response(const std::filesystem::path& file)>;
 
-    /// `path` has no extension; its folder is made. Throws HttpError 500 or 507 if the file cannot
-    /// be written.
+    /// Makes the folder of `path`. Throws HttpError 500 or 507 if the file cannot be written.
     PhotoUpload(Claim claim, std::filesystem::path path, Judge judge)
         : claim_(std::move(claim)), path_(std::move(path)), judge_(std::move(judge)) {
       std::filesystem::create_directories(path_.parent_path());
@@ -313,16 +300,12 @@ class PhotoCalibration {
     }
     Response finish() override {
       file_ = UniqueFd();
-      std::filesystem::path named = path_;
-      named.replace_extension(extension_of(path_));
-      std::filesystem::rename(path_, named);
-      path_ = named;
       return judge_(path_);
     }
 
    private:
     const Claim claim_;
-    std::filesystem::path path_;
+    const std::filesystem::path path_;
     UniqueFd file_;
     const Judge judge_;
   };
@@ -368,16 +351,17 @@ class PhotoCalibration {
     fit.found = FoundSheet{.before = optics::load_rig(folder_.before()),
                            .after = optics::load_rig(output),
                            .eye = {.x = at(0), .y = at(1), .z_mm = at(2)},
-                           .photographs = photos.size()};
+                           .photographs = list_in(member(fit.report, "viewpoints")).size()};
     return fit;
   }
   void judge(size_t place, const PhotoFile& photo) {
     const Deadline deadline = std::chrono::steady_clock::now() + kJudgeTime;
     Photos photos = photos_;
     photos[place] = photo;
-    const std::vector<PhotoFile> list = list_of(photos);
-    CalibrationFit fit = fit_photos(list, deadline);
-    if (std::string refusal = refusal_of(fit, place, list.size()); !refusal.empty()) {
+    CalibrationFit fit = fit_photos(list_of(photos), deadline);
+    std::string refusal = fit.report.is_null() ? without_folder(fit.message, folder_)
+                                               : PhotoSession::refusal(fit.report, place);
+    if (!refusal.empty()) {
       const std::lock_guard lock(mutex_);
       session_.refuse(place, std::move(refusal));
       if (!found_) stage_ = "refused";
@@ -395,19 +379,8 @@ class PhotoCalibration {
     }
     settle(std::move(fit), deadline);
   }
-  /// Returns why a new photograph is refused; empty if it is used.
-  [[nodiscard]] std::string refusal_of(const CalibrationFit& fit, size_t place,
-                                       size_t photographs) const {
-    if (fit.report.is_null()) return without_folder(fit.message, folder_);
-    if (fit.found) return {};
-    if (photographs == 1) return fit.message;
-    if (std::string refusal = PhotoSession::refusal(fit.report, place); !refusal.empty())
-      return refusal;
-    const auto best = found();
-    return best && best->photographs > 1 ? "with it the stated error would be too large" : "";
-  }
   /// Takes over the fit of all photographs. If several state too large an error, the first of them
-  /// alone gives the result.
+  /// that is not set aside gives the result alone.
   void settle(CalibrationFit fit, Deadline deadline) {
     const std::vector<PhotoFile> list = list_of(photos_);
     if (list.size() > 1 && !fit.report.is_null()) {
@@ -418,8 +391,11 @@ class PhotoCalibration {
       single_ = fit;
       single_number_ = list.front().number;
     } else if (!fit.found) {
-      if (single_number_ != list.front().number) single_ = fit_photos({list.front()}, deadline);
-      single_number_ = list.front().number;
+      size_t place = 0;
+      while (place + 1 < photos_.size() && !(photos_[place] && session_.used(place))) ++place;
+      const PhotoFile& first = photos_[place] ? *photos_[place] : list.front();
+      if (single_number_ != first.number) single_ = fit_photos({first}, deadline);
+      single_number_ = first.number;
       fit = single_;
     }
     const ordered_json result = fit.report.is_null() ? ordered_json() : shown_part(fit.report);

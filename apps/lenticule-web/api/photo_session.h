@@ -80,14 +80,15 @@ struct PhotoPlace {
 /// The first photograph is upside down and those from the sides are not, so that the axis of the
 /// phone's camera, which is off the middle of its pictures, cancels; from above the panel shows
 /// shifts of that axis (docs/panel/calibration-method.md).
-inline constexpr std::array<PhotoPlace, 4> kPhotoPlaces = {
-    {{.name = "middle", .words = "from the middle", .side = 0, .upside_down = true},
-     {.name = "left", .words = "from the upper left", .side = -1, .upside_down = false},
-     {.name = "right", .words = "from the upper right", .side = 1, .upside_down = false},
-     {.name = "right-again",
-      .words = "from the upper right again",
-      .side = 1,
-      .upside_down = true}}};
+inline constexpr std::array<PhotoPlace, 6> kPhotoPlaces = {
+    {{"middle", "from the middle", 0, true},
+     {"left", "from the upper left", -1, false},
+     {"right", "from the upper right", 1, false},
+     {"right-again", "from the upper right again", 1, true},
+     {"left-again", "from the upper left again", -1, true},
+     {"middle-again", "from the middle again", 0, false}}};
+/// So many are enough if they agree; three do not show whether sheet or phone moved between them.
+inline constexpr size_t kEnoughPhotos = 4;
 
 /// Thread safety: one thread at a time. Places are indices of kPhotoPlaces.
 class PhotoSession {
@@ -101,18 +102,17 @@ class PhotoSession {
   [[nodiscard]] static size_t place_of(std::string_view name) {
     for (size_t k = 0; k < kPhotoPlaces.size(); ++k)
       if (kPhotoPlaces[k].name == name) return k;
-    throw HttpError(400, "place: expected middle, left, right or right-again");
+    throw HttpError(400, "place: expected middle, left or right, perhaps with -again");
   }
-  /// Returns why the fit of several photographs does not use that of a place; empty if it does, or
-  /// if it only contradicts the others: with one more, the fit tells which of them is wrong.
+  /// Returns why the photograph of a place cannot be measured; empty if it can. One that only
+  /// contradicts the others is kept: with one more, the fit tells which of them is wrong.
   /// `report` is what `lenticule calibrate photos --json` printed.
   [[nodiscard]] static std::string refusal(const nlohmann::ordered_json& report, size_t place) {
     for (const ordered_json& photo : list_in(member(report, "photographs")))
-      if (place_of_file(text_in(photo, "name")) == place && member(photo, "used") != true)
+      if (place_of_file(text_in(photo, "name")) == place && member(photo, "used") != true &&
+          member(photo, "set_aside") != true)
         return text_in(photo, "reason");
-    if (!list_in(member(report, "viewpoints")).empty()) return {};
-    const std::string reason = first_reason(report);
-    return reason.empty() ? "the photographs could not be fitted" : reason;
+    return {};
   }
   /// Returns what to do better after a refusal.
   [[nodiscard]] static std::string remedy(std::string_view reason) {
@@ -121,36 +121,44 @@ class PhotoSession {
     return std::string(kUsualRemedy);
   }
 
-  void accept(size_t place) { entries_[place] = {.used = true}; }
+  void accept(size_t place) { entries_[place] = {.present = true}; }
   /// A photograph from this place that was accepted before stays.
   void refuse(size_t place, std::string reason) { entries_[place].refusal = std::move(reason); }
   void remove(size_t place) {
     entries_[place] = {};
-    if (count() < 2) {
-      stated_lenses_.reset();
-      reasons_ = ordered_json::array();
-    }
+    if (count() >= 2) return;
+    stated_lenses_ = ordered_json::array();
+    reasons_ = ordered_json::array();
   }
   /// Takes places, turns and the stated error from the report of a fit of all accepted photographs.
+  /// Photographs that contradict each other state no error.
   void take_report(const nlohmann::ordered_json& report) {
-    stated_lenses_ = number_of(member(member(report, "drift"), "worst_lenses"));
     reasons_ = list_in(member(report, "reasons"));
     for (const ordered_json& photo : list_in(member(report, "photographs"))) take_photograph(photo);
     for (size_t k = 0; k < entries_.size(); ++k) entries_[k].note = note_of(k);
+    agree_ = count() >= 2 && !list_in(member(report, "viewpoints")).empty() &&
+             (member(report, "verdict") != "refused" ||
+              std::ranges::all_of(entries_, [](const Entry& one) { return one.doubt.empty(); }));
+    const auto stated = number_of(member(member(report, "drift"), "worst_lenses"));
+    if (agree_ && stated) stated_lenses_.push_back(*stated);
+    if (stated_lenses_.size() > kMostFits) stated_lenses_.erase(0);
   }
 
-  [[nodiscard]] bool used(size_t place) const { return entries_[place].used; }
+  [[nodiscard]] bool used(size_t place) const {
+    return entries_[place].present && entries_[place].aside.empty();
+  }
   [[nodiscard]] size_t count() const {
-    return static_cast<size_t>(
-        std::count_if(entries_.begin(), entries_.end(), [](const Entry& one) { return one.used; }));
+    size_t count = 0;
+    for (size_t k = 0; k < entries_.size(); ++k) count += used(k) ? 1 : 0;
+    return count;
   }
   /// Returns the place of the photograph that would help most; none if no more is needed.
   [[nodiscard]] std::optional<size_t> next() const {
-    constexpr size_t kEnough = 4;  // three do not show whether sheet or phone moved between them
-    if (stated_lenses_ && *stated_lenses_ <= kWantedLenses && count() >= kEnough)
+    const auto stated = stated_lenses();
+    if (stated.is_number() && stated <= kWantedLenses && count() >= kEnoughPhotos)
       return std::nullopt;
     for (size_t k = 0; k < entries_.size(); ++k)
-      if (!entries_[k].used) return k;
+      if (!entries_[k].present) return k;
     for (size_t k = 0; k < entries_.size(); ++k)
       if (!entries_[k].note.empty()) return k;
     return std::nullopt;
@@ -164,7 +172,7 @@ class PhotoSession {
                              {"words", kPhotoPlaces[k].words},
                              {"side", kPhotoPlaces[k].side},
                              {"upside_down", kPhotoPlaces[k].upside_down},
-                             {"used", one.used},
+                             {"used", used(k)},
                              {"refusal", one.refusal},
                              {"remedy", one.refusal.empty() ? "" : remedy(one.refusal)},
                              {"note", one.note}});
@@ -173,7 +181,8 @@ class PhotoSession {
     return {{"photographs", photographs},
             {"fit",
              {{"photographs", count()},
-              {"stated_lenses", stated_lenses_ ? ordered_json(*stated_lenses_) : ordered_json()},
+              {"stated_lenses", stated_lenses()},
+              {"progress_lenses", stated_lenses_},
               {"wanted_lenses", kWantedLenses},
               {"usable_lenses", kUsableLenses},
               {"reasons", reasons_}}},
@@ -185,6 +194,12 @@ class PhotoSession {
   static constexpr size_t kMiddle = 0;
   /// Least tangent of the angle between the normal of the panel and a place at the side.
   static constexpr double kAside = 0.25;
+  static constexpr size_t kMostFits = 20;
+
+  /// Returns the error that the newest fit states; null if it states none.
+  [[nodiscard]] ordered_json stated_lenses() const {
+    return agree_ && !stated_lenses_.empty() ? stated_lenses_.back() : ordered_json();
+  }
 
   struct Remedy {
     std::string_view reason;  ///< part of it
@@ -223,8 +238,9 @@ class PhotoSession {
     return x_mm < -kAside * z_mm ? -1 : x_mm > kAside * z_mm ? 1 : 0;
   }
   struct Entry {
-    bool used = false;
-    std::string refusal{};  ///< reason why the newest photograph is not used
+    bool present = false;   ///< a photograph from here is kept
+    std::string refusal{};  ///< reason why the newest photograph is not kept
+    std::string aside{};    ///< reason why the fit does not use the one that is kept
     std::string note{};
     std::string doubt{};                   ///< contradiction to the other photographs
     std::optional<double> x_mm{}, z_mm{};  ///< place of the camera
@@ -234,6 +250,7 @@ class PhotoSession {
     const auto place = place_of_file(text_in(photo, "name"));
     if (!place) return;
     Entry& entry = entries_[*place];
+    entry.aside = member(photo, "used") == true ? "" : text_in(photo, "reason");
     entry.doubt = text_in(photo, "doubt");
     entry.roll_degrees = number_of(member(photo, "roll_degrees"));
     const ordered_json& eye = member(photo, "eye_mm");
@@ -245,7 +262,8 @@ class PhotoSession {
   [[nodiscard]] std::string note_of(size_t place) const {
     const Entry& entry = entries_[place];
     const PhotoPlace& asked = kPhotoPlaces[place];
-    if (!entry.used) return {};
+    if (!entry.present) return {};
+    if (!entry.aside.empty()) return "set aside: " + entry.aside;
     if (!entry.doubt.empty()) return "the others contradict it: " + entry.doubt;
     if (entry.x_mm && entry.z_mm && side_of(*entry.x_mm, *entry.z_mm) != asked.side) {
       constexpr std::array<std::string_view, 3> kSides = {"the left", "the middle", "the right"};
@@ -255,7 +273,7 @@ class PhotoSession {
                          2.0 * kAside * *entry.z_mm, asked.side < 0 ? "left" : "right");
     }
     const Entry& first = entries_[kMiddle];
-    if (place == kMiddle || !first.used || !first.roll_degrees || !entry.roll_degrees) return {};
+    if (place == kMiddle || !used(kMiddle) || !first.roll_degrees || !entry.roll_degrees) return {};
     constexpr double kAlike = 0.5;  // sixty degrees
     const double alike =
         std::cos((*entry.roll_degrees - *first.roll_degrees) * std::numbers::pi / 180.0);
@@ -269,7 +287,8 @@ class PhotoSession {
   }
 
   std::array<Entry, kPhotoPlaces.size()> entries_;
-  std::optional<double> stated_lenses_;
+  ordered_json stated_lenses_ = ordered_json::array();  ///< by each fit, the newest last
+  bool agree_ = false;
   nlohmann::ordered_json reasons_ = nlohmann::ordered_json::array();
 };
 

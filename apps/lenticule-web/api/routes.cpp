@@ -508,14 +508,15 @@ constexpr std::array kRoutes = {
           "send a photograph of the chart, and get the fit of all photographs so far; nothing is "
           "saved",
           "Calibration", "image/jpeg image/png",
-          R"({"place?": "middle|left|right|right-again: from where it was taken; )"
+          R"({"place?": "middle|left|right|right-again|left-again|middle-again: from where )"
+          R"(it was taken; )"
           R"(default: the next place that was asked for. Replaces the photograph of that place )"
           R"(unless it is refused", "distance?": "number: mm from the panel to the camera, )"
           R"(used while there is one photograph"})",
           photograph_sink},
     Route{"DELETE", "/api/v1/calibration/photograph", Rights::Change, kSmallBody, delete_photograph,
           "remove a photograph, and get the fit of the others", "Calibration", nullptr,
-          R"({"place": "middle|left|right|right-again"})"},
+          R"({"place": "middle|left|right|right-again|left-again|middle-again"})"},
     get("/api/v1/calibration/before.jpg",
         "a picture that is white for the camera of the first photograph only, drawn with the "
         "present rig, as that camera would see it",

@@ -3,12 +3,16 @@
 import { $, api, attempt, clock, follow, make, request, tell } from "/page.js";
 
 const FULL_SCALE = 0.05;  // lenses: the colours at both ends
+const USUAL_PLACES = 4;  // shown from the start
 const BAR_LENSES = 0.1, BAR_PIXELS = 400;  // the whole bar of the error
 let state = {}, calibration = { stage: "idle", photographs: [] }, possible = false, busy = false, pending = "";
 
 function mayChange() {
   return document.body.dataset.rights === "change" && state.connected;
 }
+
+/** Returns whether there is a photograph of a place, used or set aside. */
+const isKept = (place) => place.used || place.note !== "";
 
 /** Returns whether the chart is on the panel, so that photographs can be sent. */
 const mayTake = () => mayChange() && !busy && !["idle", "kept"].includes(calibration.stage);
@@ -19,7 +23,7 @@ function enable() {
   $("take").hidden = stage !== "idle" && stage !== "kept" && !place;
   $("take").disabled = !mayTake();
   $("take").textContent = "Take the photograph " + (place ? place.words : "");
-  $("distance-label").hidden = calibration.photographs.some((one) => one.used);
+  $("distance-label").hidden = calibration.photographs.some(isKept);
   for (const button of document.querySelectorAll("#places button")) button.disabled = !mayTake();
   $("keep").disabled = !mayChange() || busy || stage !== "found";
   $("begin").disabled = !mayChange() || !possible || busy;
@@ -42,19 +46,22 @@ function drawing(place) {
 }
 
 function showPlaces() {
-  $("places").replaceChildren(...calibration.photographs.map((place, k) => {
-    const status = place.used ? "\u2713 used" + (place.note ? ", but " + place.note : "") : place.refusal ? "refused" : "to do";
+  const shown = calibration.photographs.filter((place, k) =>
+    k < USUAL_PLACES || isKept(place) || place.refusal || place.place === calibration.next);
+  $("places").replaceChildren(...shown.map((place, k) => {
+    const status = place.used ? "\u2713 used" + (place.note ? ", but " + place.note : "")
+      : place.note || (place.refusal ? "refused" : "to do");
     const title = place.words.charAt(0).toUpperCase() + place.words.slice(1);
     const lines = [make("p", {}, make("strong", {}, `${k + 1}. ${title}`)),
       make("p", { class: "small" }, place.upside_down ? "phone upside down" : "phone the usual way up"),
-      make("p", { class: "small " + (place.used ? (place.note ? "warn" : "good") : place.refusal ? "bad" : "soft") }, status)];
+      make("p", { class: "small " + (place.note ? "warn" : place.used ? "good" : place.refusal ? "bad" : "soft") }, status)];
     if (place.refusal) lines.push(make("p", { class: "small bad" },
-      place.used ? "The newest one was refused: " : "", place.refusal, "."),
+      isKept(place) ? "The newest one was refused: " : "", place.refusal, "."),
     make("p", { class: "small" }, place.remedy));
     const take = () => choose(place.place);
     const buttons = [make("button", { onclick: take, "aria-label":
-      `${place.used || place.refusal ? "Take again" : "Take"} ${place.words}` }, place.used || place.refusal ? "Again" : "Take")];
-    if (place.used) buttons.push(make("button", { "aria-label": `Remove the photograph ${place.words}`,
+      `${isKept(place) || place.refusal ? "Take again" : "Take"} ${place.words}` }, isKept(place) || place.refusal ? "Again" : "Take")];
+    if (isKept(place)) buttons.push(make("button", { "aria-label": `Remove the photograph ${place.words}`,
       onclick: () => work(() => api("DELETE", "calibration/photograph?place=" + place.place)) }, "Remove"));
     return make("li", { "aria-current": place.place === calibration.next && mayTake() ? "step" : null },
       drawing(place), ...lines, make("div", { class: "row" }, ...buttons));
@@ -73,7 +80,8 @@ function showError() {
     warn: "It can be kept; one more photograph makes it better.",
     bad: "That is too much to keep; take one more photograph." }[grade];
   $("error-text").replaceChildren("Error for every eye by the fit of all ",
-    `${fit.photographs} photographs, which 97 of 100 such results do not exceed: `, make("strong", { class: grade }, `${error.toFixed(3)} lens`),
+    `${fit.photographs} photographs, which 97 of 100 such results do not exceed: `,
+    fit.progress_lenses.slice(0, -1).map((one) => `${one.toFixed(3)}, then `).join(""), make("strong", { class: grade }, `${error.toFixed(3)} lens`),
     ` (wanted: ${fit.wanted_lenses}). `, grade === "warn" && !calibration.next ? "It can be kept." : words,
     grade === "bad" && result && result.photographs === 1 ? " Until then the first photograph alone gives the result." : "");
   const at = (lenses) => Math.min(1, lenses / BAR_LENSES) * BAR_PIXELS;
@@ -215,7 +223,7 @@ function send(file, place) {
 function report(place, now) {
   const one = now.photographs.find((other) => other.place === place);
   if (one.refusal) tell(`Refused: ${one.refusal}. ${one.remedy}`);
-  else if (one.used) tell(`The photograph ${one.words} is used.`);
+  else tell(`The photograph ${one.words} is ${one.used ? "used" : one.note}.`);
   return now;
 }
 

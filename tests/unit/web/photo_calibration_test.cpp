@@ -133,7 +133,7 @@ TEST_F(PhotoCalibrationTest, ARefusedPhotographLeavesEverythingElseAsItWas) {
   for (int n = 0; n < 3; ++n) (void)send("good");
   const ordered_json before = calibration_->state();
   const std::string rig = calibration_->rig_toml();
-  for (const char* what : {"only 2 of 9 tags were found", "broken", "worse"})
+  for (const char* what : {"only 2 of 9 tags were found", "broken"})
     for (const char* place : {"left", "right-again"}) {
       const ordered_json state = send(what, place);
       EXPECT_EQ(state["result"], before["result"]) << what << place;
@@ -153,6 +153,18 @@ TEST_F(PhotoCalibrationTest, ARefusedPhotographLeavesEverythingElseAsItWas) {
   const ordered_json after = send("good", "left");
   EXPECT_EQ(after["photographs"][1]["refusal"], "");
   EXPECT_EQ(basis(after), 3);
+}
+
+TEST_F(PhotoCalibrationTest, KeepsAPhotographWithWhichTheErrorIsTooLarge) {
+  calibration_->begin();
+  for (int n = 0; n < 3; ++n) (void)send("good");
+  ordered_json state = send("worse");
+  EXPECT_EQ(basis(state), 1) << "the first one alone, for its place";
+  EXPECT_EQ(state["fit"]["progress_lenses"], ordered_json({0.08, 0.03, 0.09}));
+  EXPECT_EQ(state["next"], "left-again");
+  EXPECT_EQ(files().size(), 4U);
+  calibration_->remove("right-again");
+  EXPECT_EQ(basis(calibration_->state()), 3);
 }
 
 TEST_F(PhotoCalibrationTest, RemovingFitsTheOthersAgain) {

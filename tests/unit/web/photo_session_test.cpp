@@ -11,7 +11,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr size_t kMiddle = 0, kLeft = 1, kRight = 2, kRightAgain = 3;
+constexpr size_t kMiddle = 0, kLeft = 1, kRight = 2, kRightAgain = 3, kLeftAgain = 4;
 
 ordered_json photo(const char* place, double x_mm, double roll_degrees) {
   return {{"name", std::string(place) + ".jpg"},
@@ -63,13 +63,15 @@ TEST(PhotoSession, AWrongPlaceOrTurnIsNotedAndAskedForAgainAtTheEnd) {
 TEST(PhotoSession, KeepsAPhotographThatContradictsTheOthersAndAsksForItAgain) {
   ordered_json left = photo("left", -350, 2);
   left["doubt"] = "its focal length differs by 9 %";
-  const ordered_json both = report(0.08, {photo("middle", 5, 180), left});
+  ordered_json both = report(0.08, {photo("middle", 5, 180), left});
+  both["verdict"] = "refused";
   EXPECT_EQ(PhotoSession::refusal(both, kLeft), "");
   PhotoSession session;
   for (size_t place = 0; place < kPhotoPlaces.size(); ++place) session.accept(place);
   session.take_report(both);
   EXPECT_EQ(entry(session, kLeft)["note"],
             "the others contradict it: its focal length differs by 9 %");
+  EXPECT_EQ(session.to_json()["fit"]["stated_lenses"], nullptr);
   EXPECT_EQ(session.next(), kLeft);
 }
 
@@ -79,11 +81,25 @@ TEST(PhotoSession, NamesTheReasonOfARefusal) {
   const ordered_json own =
       report(0.08, {photo("middle", 5, 180), unused("left", "only 2 of 9 tags were found")});
   EXPECT_EQ(PhotoSession::refusal(own, kLeft), "only 2 of 9 tags were found");
-  ordered_json none = good;
-  none["viewpoints"] = ordered_json::array();
-  none["reasons"] = {"no sheet and no camera agree with all photographs"};
-  EXPECT_EQ(PhotoSession::refusal(none, kLeft),
-            "no sheet and no camera agree with all photographs");
+}
+
+TEST(PhotoSession, APhotographThatIsSetAsideIsKeptAndNamedAndDoesNotCount) {
+  ordered_json right = unused("right", "its focal length differs by 9 %");
+  right["set_aside"] = true;
+  const ordered_json found = report(0.015, {photo("middle", 5, 180), photo("left", -350, 2), right,
+                                            photo("right-again", 350, 180)});
+  EXPECT_EQ(PhotoSession::refusal(found, kRight), "");
+  PhotoSession session;
+  for (const size_t place : {kMiddle, kLeft, kRight, kRightAgain}) session.accept(place);
+  session.take_report(report(0.07, {photo("middle", 5, 180), photo("left", -350, 2)}));
+  session.take_report(found);
+  EXPECT_EQ(entry(session, kRight)["note"], "set aside: its focal length differs by 9 %");
+  EXPECT_EQ(entry(session, kRight)["used"], false);
+  EXPECT_EQ(session.to_json()["fit"]["progress_lenses"], ordered_json({0.07, 0.015}));
+  EXPECT_EQ(session.count(), 3U);
+  EXPECT_EQ(session.next(), kLeftAgain) << "three do not show whether the sheet moved";
+  session.accept(kLeftAgain);
+  EXPECT_EQ(session.next(), std::nullopt);
 }
 
 TEST(PhotoSession, SaysWhatToDoBetter) {
