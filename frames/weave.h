@@ -62,11 +62,6 @@ struct PicturePlace {
   /// Return the position of a panel point in a view, as fractions from the left and from the top.
   [[nodiscard]] double u(double x_mm) const { return 0.5 + x_mm * scale_u; }
   [[nodiscard]] double v(double y_mm) const { return 0.5 - y_mm * scale_v; }
-  /// Returns true inside a black bar. On sides without a bar, a lens point slightly outside the
-  /// panel still shows the view's border.
-  [[nodiscard]] bool in_bars(double u, double v) const {
-    return (bars_beside && !(u >= 0.0 && u < 1.0)) || (bars_above && !(v >= 0.0 && v < 1.0));
-  }
 };
 [[nodiscard]] PicturePlace place_picture(const optics::Panel& panel, double aspect, PictureFit fit);
 

@@ -57,7 +57,10 @@ void weave_rows(const ViewSet& views, const optics::OpticalModel& model,
         light += weights[w] *
                  light_at(views, reversed ? count - 1 - view : view, u, v, static_cast<int>(s % 3));
       }
-      frame.row(j)[s] = place.in_bars(u, v) ? 0 : frames::code_from_linear(light);
+      // On sides without a bar, a lens point slightly outside the panel shows the view's border.
+      const bool in_bars = (place.bars_beside && !(u >= 0.0 && u < 1.0)) ||
+                           (place.bars_above && !(v >= 0.0 && v < 1.0));
+      frame.row(j)[s] = in_bars ? 0 : frames::code_from_linear(light);
     }
   }
 }

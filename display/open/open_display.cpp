@@ -67,9 +67,7 @@ std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
        .refresh = spec.refresh,
        .buffers = request.buffers,
        .clock = request.clock,
-       .faults = spec.jitter_us > 0 ? std::make_shared<UniformJitter>(
-                                          std::chrono::microseconds(spec.jitter_us), spec.seed)
-                                    : nullptr,
+       .event_delay = uniform_jitter(std::chrono::microseconds(spec.jitter_us), spec.seed),
        .recorder = request.recorder});
 }
 

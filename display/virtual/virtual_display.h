@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <new>
@@ -28,28 +29,6 @@
 
 namespace lenticule::display {
 
-enum class EventFate {
-  Deliver,
-  Drop,       ///< the flip happens, without an event
-  Duplicate,  ///< the event is delivered twice
-  Unplug,     ///< the display is lost from this vblank on
-};
-
-/// VirtualFaults injects faults into a virtual display that real displays also have. Asked once per
-/// event, on the presenter thread. The defaults describe a perfect display.
-class VirtualFaults {
- public:
-  virtual ~VirtualFaults() = default;
-  /// Returns the delay of this vblank's event. A delay of more than a period makes the player miss
-  /// a vblank.
-  [[nodiscard]] virtual Nanoseconds event_delay(uint64_t /*sequence*/) noexcept {
-    return Nanoseconds{0};
-  }
-  [[nodiscard]] virtual EventFate fate(uint64_t /*sequence*/) noexcept {
-    return EventFate::Deliver;
-  }
-};
-
 /// Returns one round of the SplitMix64 generator: a random number per vblank, independent of the
 /// order of requests.
 inline uint64_t scramble(uint64_t value) noexcept {
@@ -59,19 +38,15 @@ inline uint64_t scramble(uint64_t value) noexcept {
   return value ^ value >> 31;
 }
 
-/// UniformJitter delays every event by 0 ... `most`, uniformly; deterministic for a given seed.
-class UniformJitter final : public VirtualFaults {
- public:
-  UniformJitter(Nanoseconds most, uint64_t seed) : most_(most), seed_(seed) {}
-  [[nodiscard]] Nanoseconds event_delay(uint64_t sequence) noexcept override {
-    const auto choices = static_cast<uint64_t>(most_.count()) + 1;
-    return Nanoseconds(static_cast<int64_t>(scramble(seed_ ^ scramble(sequence)) % choices));
-  }
+/// Returns the delay of a vblank's event. Called once per event, on the presenter thread.
+using EventDelay = std::function<Nanoseconds(uint64_t sequence)>;
 
- private:
-  Nanoseconds most_;
-  uint64_t seed_;
-};
+/// Returns delays of 0 ... `most`, uniformly; deterministic for a given seed.
+inline EventDelay uniform_jitter(Nanoseconds most, uint64_t seed) {
+  return [choices = static_cast<uint64_t>(most.count()) + 1, seed](uint64_t sequence) {
+    return Nanoseconds(static_cast<int64_t>(scramble(seed ^ scramble(sequence)) % choices));
+  };
+}
 
 struct VirtualDisplayOptions {
   frames::FrameGeometry geometry = {};  ///< scan-out memory; its frames may be turned
@@ -83,8 +58,8 @@ struct VirtualDisplayOptions {
   int buffers = 3;
   /// Null = real time.
   std::shared_ptr<Clock> clock = nullptr;
-  /// Null = no faults.
-  std::shared_ptr<VirtualFaults> faults = nullptr;
+  /// Null = no delay. A delay of more than a period makes the player miss a vblank.
+  EventDelay event_delay = nullptr;
   /// Null = no recording. In real time, recording has its own thread and 2 to 64 additional buffers
   /// (64 MiB if that is more than two). A frame that finds all of them busy is counted instead of
   /// recorded, so that recording never disturbs pacing. In simulated time, recording runs inside
@@ -271,7 +246,7 @@ class VirtualDisplay final : public Display {
   explicit VirtualDisplay(const VirtualDisplayOptions& options)
       : clock_(options.clock ? options.clock : make_monotonic_clock()),
         timeline_(clock_->now(), options.refresh),
-        faults_(options.faults ? options.faults : std::make_shared<VirtualFaults>()),
+        event_delay_(options.event_delay),
         recorder_(options.recorder),
         buffers_in_use_(options.buffers) {
     mode_ = {
@@ -309,35 +284,26 @@ class VirtualDisplay final : public Display {
   void discard(ScanoutBuffer* buffer) override { owned(buffer)->set_state(BufferState::Free); }
 
   [[nodiscard]] SubmitStatus submit(ScanoutBuffer* buffer, uint64_t id) noexcept override {
-    if (unplugged_) return SubmitStatus::Lost;
     if (off_) return SubmitStatus::Paused;
-    const Nanoseconds time = now();
-    if (pending_ && pending_->fate == EventFate::Drop && pending_->vblank_time <= time) land_flip();
     if (pending_) return SubmitStatus::Busy;
 
     VirtualBuffer* const mine = owned(buffer);
     mine->set_state(BufferState::Pending);
-    pending_ = Flip{tick_at(timeline_.sequence_at(time) + 1), mine, id};
+    pending_ = Flip{tick_at(timeline_.sequence_at(now()) + 1), mine, id};
     return SubmitStatus::Accepted;
   }
 
   [[nodiscard]] bool request_vblank(uint64_t sequence) noexcept override {
-    if (unplugged_) return false;
     tick_ = tick_at(std::max(sequence + 1, timeline_.sequence_at(now())));
     return true;
   }
 
   [[nodiscard]] DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override {
-    if (repeat_) return *std::exchange(repeat_, std::nullopt);
-    if (unplugged_) return {.kind = EventKind::Lost};
-
-    const std::optional<Nanoseconds> flip = event_time(pending_);
-    const std::optional<Nanoseconds> tick = event_time(tick_);
-    const Nanoseconds next =
-        std::min(flip.value_or(Nanoseconds::max()), tick.value_or(Nanoseconds::max()));
+    const Nanoseconds flip = pending_ ? pending_->event_time : Nanoseconds::max();
+    const Nanoseconds next = std::min(flip, tick_ ? tick_->event_time : Nanoseconds::max());
     if (now() < next) (void)clock_->wait_until(std::min(deadline, next), wake_fd);
     if (now() < next) return {.kind = EventKind::Timeout};
-    return flip && *flip == next ? deliver_flip() : deliver_tick();
+    return flip == next ? deliver_flip() : deliver_tick();
   }
 
   [[nodiscard]] bool set_power(bool on) noexcept override {
@@ -352,7 +318,6 @@ class VirtualDisplay final : public Display {
     uint64_t sequence = 0;
     Nanoseconds vblank_time{0};
     Nanoseconds event_time{0};
-    EventFate fate = EventFate::Deliver;
   };
   struct Flip : Tick {
     VirtualBuffer* buffer = nullptr;
@@ -363,14 +328,7 @@ class VirtualDisplay final : public Display {
     const Nanoseconds vblank_time = timeline_.time_of(sequence);
     return {.sequence = sequence,
             .vblank_time = vblank_time,
-            .event_time = vblank_time + faults_->event_delay(sequence),
-            .fate = faults_->fate(sequence)};
-  }
-
-  template <typename Event>
-  static std::optional<Nanoseconds> event_time(const std::optional<Event>& event) noexcept {
-    if (!event || event->fate == EventFate::Drop) return std::nullopt;
-    return event->event_time;
+            .event_time = vblank_time + (event_delay_ ? event_delay_(sequence) : Nanoseconds{0})};
   }
 
   static VirtualBuffer* owned(ScanoutBuffer* buffer) noexcept {
@@ -402,30 +360,21 @@ class VirtualDisplay final : public Display {
                              .id = pending_->id,
                              .sequence = pending_->sequence,
                              .time = pending_->vblank_time};
-    const EventFate fate = pending_->fate;
-    if (fate != EventFate::Unplug) land_flip();
-    return settle(event, fate);
+    land_flip();
+    return event;
   }
 
   DisplayEvent deliver_tick() noexcept {
     const DisplayEvent event{
         .kind = EventKind::Vblank, .sequence = tick_->sequence, .time = tick_->vblank_time};
-    const EventFate fate = tick_->fate;
     tick_.reset();
-    return settle(event, fate);
-  }
-
-  DisplayEvent settle(const DisplayEvent& event, EventFate fate) noexcept {
-    if (fate == EventFate::Duplicate) repeat_ = event;
-    if (fate != EventFate::Unplug) return event;
-    unplugged_ = true;
-    return {.kind = EventKind::Lost};
+    return event;
   }
 
   DisplayMode mode_;
   std::shared_ptr<Clock> clock_;
   VblankTimeline timeline_;
-  std::shared_ptr<VirtualFaults> faults_;
+  EventDelay event_delay_;
   std::shared_ptr<ScanoutRecorder> recorder_;
   int buffers_in_use_;  ///< upper limit, not counting buffers held only by the recorder
   std::vector<std::unique_ptr<VirtualBuffer>> buffers_;
@@ -434,8 +383,6 @@ class VirtualDisplay final : public Display {
   VirtualBuffer* displayed_ = nullptr;
   std::optional<Flip> pending_;
   std::optional<Tick> tick_;
-  std::optional<DisplayEvent> repeat_;
-  bool unplugged_ = false;
   bool off_ = false;
 
   std::unique_ptr<RecordingThread> recording_;  // last member: the thread uses the buffers

@@ -55,24 +55,8 @@ struct RingOptions {
   /// Keep every frame of a sequence that fits the ring, so that rewind() works without a renderer.
   /// A sequence fits if it has at most `slots` frames. While the sequence may fit, shown frames
   /// stay in their slots. When the renderer requests one more slot than the ring has, slots are
-  /// recycled from then on and rewind() returns false (RingStatistics::loop_obstacle has the
-  /// reason).
+  /// recycled from then on and rewind() returns false (loop_obstacle() has the reason).
   bool keep_for_loop = false;
-};
-
-struct RingStatistics {
-  uint64_t renderers = 0;          ///< connections accepted so far
-  uint64_t renderers_refused = 0;  ///< renderers that sent Hello and were refused
-  uint64_t renderer_deaths = 0;    ///< renderers that disconnected without a Goodbye message
-  uint64_t frames_accepted = 0;
-  uint64_t slots_recovered = 0;  ///< half-written slots recovered from dead renderers
-  uint64_t violations = 0;       ///< shared-memory states that a correct renderer never makes
-  int slots = 0;
-  int slots_shut = 0;  ///< slots still mapped by a disconnected renderer that may be writing
-  bool renderer_connected = false;
-  std::string renderer_name;  ///< name of the present or the last renderer
-  uint32_t heartbeat = 0;     ///< changes while the connected renderer works or waits for a slot
-  std::string loop_obstacle;  ///< reason why rewind() cannot work; empty if it may
 };
 
 /// RingMemory is the player's mapping of a ring: a sealed memfd, its header and table writable, its
@@ -221,22 +205,12 @@ class RingPlayer final : public FrameSource {
     drop_if_malformed();
   }
   [[nodiscard]] std::string failure() const override { return {}; }
-  [[nodiscard]] RingStatistics statistics() const {
-    return {.renderers = renderers_,
-            .renderers_refused = refused_,
-            .renderer_deaths = deaths_,
-            .frames_accepted = slot_table_.accepted(),
-            .slots_recovered = slot_table_.recovered(),
-            .violations = slot_table_.violations(),
-            .slots = options_.slots,
-            .slots_shut = slot_table_.shut(),
-            .renderer_connected = connection_.has_value(),
-            .renderer_name = hello_.name,
-            .heartbeat = memory_.header().heartbeat.load(std::memory_order_relaxed),
-            .loop_obstacle = slot_table_.loop_obstacle()};
-  }
+  [[nodiscard]] bool renderer_connected() const { return connection_.has_value(); }
+  /// Returns the reason why rewind() cannot work; empty if it may.
+  [[nodiscard]] std::string loop_obstacle() const { return slot_table_.loop_obstacle(); }
 
  private:
+  friend struct RingStatistics;  // with which tests look at the counts
   // Limits of one service() call, so that a flood of connections or messages cannot delay it.
   static constexpr size_t kMaxHandshakes = 4;
   static constexpr int kMaxAccepts = 8;

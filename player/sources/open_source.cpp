@@ -214,7 +214,7 @@ OpenedSource open_ring(const SourceSpec& source, const OpenContext& context) {
     auto ring = frames::RingPlayer::open(options);
     auto* const player = ring.get();
     return {.source = std::move(ring),
-            .loop_obstacle = [player] { return player->statistics().loop_obstacle; },
+            .loop_obstacle = [player] { return player->loop_obstacle(); },
             .stall_hint = "start a renderer: lenticule render SCENE --rig RIG -o ring:" + socket,
             .woven_elsewhere = true};
   }

@@ -307,7 +307,7 @@ class Source final : public VideoSource {
     }
     if (!burying_) return watch_for_hang();
     ring_->service();
-    if (ring_->statistics().renderer_connected) return;
+    if (ring_->renderer_connected()) return;
     burying_ = false;
     bury();
   }

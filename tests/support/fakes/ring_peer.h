@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "base/unique_fd.h"
@@ -16,7 +17,41 @@
 #include "frames/ring/ring_player.h"
 #include "frames/ring/ring_renderer.h"
 
+namespace lenticule::frames {
+
+/// RingStatistics are the counts of a player.
+struct RingStatistics {
+  explicit RingStatistics(const RingPlayer& player)
+      : renderers(player.renderers_),
+        renderers_refused(player.refused_),
+        renderer_deaths(player.deaths_),
+        frames_accepted(player.slot_table_.accepted()),
+        slots_recovered(player.slot_table_.recovered()),
+        violations(player.slot_table_.violations()),
+        slots_shut(player.slot_table_.shut()),
+        renderer_connected(player.renderer_connected()),
+        renderer_name(player.hello_.name),
+        heartbeat(player.memory_.header().heartbeat.load(std::memory_order_relaxed)) {}
+
+  uint64_t renderers;          ///< connections accepted so far
+  uint64_t renderers_refused;  ///< renderers that sent Hello and were refused
+  uint64_t renderer_deaths;    ///< renderers that disconnected without a Goodbye message
+  uint64_t frames_accepted;
+  uint64_t slots_recovered;  ///< half-written slots recovered from dead renderers
+  uint64_t violations;       ///< shared-memory states that a correct renderer never makes
+  int slots_shut;            ///< slots still mapped by a disconnected renderer that may be writing
+  bool renderer_connected;
+  std::string renderer_name;  ///< name of the present or the last renderer
+  uint32_t heartbeat;         ///< changes while the connected renderer works or waits for a slot
+};
+
+}  // namespace lenticule::frames
+
 namespace lenticule::test {
+
+[[nodiscard]] inline frames::RingStatistics statistics_of(const frames::RingPlayer& player) {
+  return frames::RingStatistics(player);
+}
 
 /// Writes `id` into every eight bytes (the tail gets its first bytes), so that any two frames
 /// differ in every 4 KiB page.

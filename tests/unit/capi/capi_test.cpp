@@ -131,7 +131,7 @@ TEST_F(CApi, PassesTheHelloToThePlayer) {
   hello.rate_denominator = 1001;
   hello.frame_count = 0;
   ASSERT_EQ(connect(&hello), LENTICULE_OK) << error_;
-  EXPECT_EQ(player_->statistics().renderer_name, "somebody's renderer");
+  EXPECT_EQ(test::statistics_of(*player_).renderer_name, "somebody's renderer");
   EXPECT_EQ(player_->rate(), (Rate{60000, 1001}));
   EXPECT_EQ(player_->frame_count(), 0u);
 }
@@ -194,7 +194,7 @@ TEST_F(CApi, ReportsMisuseWithoutCrashing) {
   EXPECT_EQ(lenticule_ring_finish(ring_), LENTICULE_MISUSE);
   EXPECT_EQ(lenticule_ring_acquire(ring_, 6, 0, &pixels), LENTICULE_GONE);
   player_->service();
-  EXPECT_EQ(player_->statistics().violations, 0u);
+  EXPECT_EQ(test::statistics_of(*player_).violations, 0u);
 }
 
 TEST_F(CApi, ReportsTimeoutsAndALostPlayer) {
@@ -253,7 +253,7 @@ TEST_F(CApi, TheDocumentedExampleRuns) {
   EXPECT_TRUE(ended);
   EXPECT_EQ(shown, 20u);
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
-  EXPECT_EQ(player_->statistics().renderer_name, "push_frames");
+  EXPECT_EQ(test::statistics_of(*player_).renderer_name, "push_frames");
 }
 
 TEST(CApiExample, FailsWithAMessageWithoutAPlayer) {

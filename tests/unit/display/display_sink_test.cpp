@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "display/virtual/virtual_display.h"
 #include "tests/support/fakes/fake_source.h"
+#include "tests/support/fakes/faulty_display.h"
 
 namespace lenticule::display {
 namespace {
@@ -13,6 +14,8 @@ namespace {
 using frames::ShowResult;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
+using test::EventFate;
+using test::VirtualFaults;
 
 constexpr frames::FrameGeometry kSmall{.width = 16, .height = 4};
 
@@ -30,8 +33,8 @@ class DisplaySinkTest : public testing::Test {
       std::make_shared<test::RememberingRecorder>();
 
   [[nodiscard]] std::unique_ptr<Display> open(std::shared_ptr<VirtualFaults> faults) const {
-    return open_virtual_display(
-        {.geometry = kSmall, .clock = clock, .faults = std::move(faults), .recorder = recorder});
+    return test::open_virtual_display({.geometry = kSmall, .clock = clock, .recorder = recorder},
+                                      std::move(faults));
   }
 };
 

@@ -9,7 +9,7 @@
 #include "display/clock.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/fakes/fake_source.h"
-#include "tests/support/fakes/scripted_faults.h"
+#include "tests/support/fakes/faulty_display.h"
 
 namespace lenticule::display {
 namespace {
@@ -17,6 +17,7 @@ namespace {
 using std::chrono::hours;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
+using test::EventFate;
 using test::numbered_frame;
 using test::RememberingRecorder;
 using test::ScriptedFaults;
@@ -33,12 +34,12 @@ class VirtualDisplayTest : public testing::Test {
   std::unique_ptr<Display> display = open();
 
   [[nodiscard]] std::unique_ptr<Display> open(int buffers = 3) const {
-    return open_virtual_display({.geometry = kSmall,
-                                 .refresh = {60, 1},
-                                 .buffers = buffers,
-                                 .clock = clock,
-                                 .faults = faults,
-                                 .recorder = recorder});
+    return test::open_virtual_display({.geometry = kSmall,
+                                       .refresh = {60, 1},
+                                       .buffers = buffers,
+                                       .clock = clock,
+                                       .recorder = recorder},
+                                      faults);
   }
 
   void show(uint64_t id) {

@@ -11,6 +11,7 @@
 #include "player/playback/playback.h"
 #include "player/session/play_service.h"
 #include "tests/support/fakes/fake_source.h"
+#include "tests/support/fakes/faulty_display.h"
 
 namespace lenticule::player {
 namespace {
@@ -95,13 +96,13 @@ enum class Stage { Source, FrameCopier, Presenter, Display };
 
 /// Plays with one stage that stops after a few frames until a report names the stage that stands
 /// still, and returns that text.
-class HaltingPlayback final : public test::PlainSource, public display::VirtualFaults {
+class HaltingPlayback final : public test::PlainSource, public test::VirtualFaults {
  public:
   explicit HaltingPlayback(Stage halts) : halts_(halts) {}
 
   [[nodiscard]] static std::string stage_named_for(Stage halts) {
     const auto faults = std::make_shared<HaltingPlayback>(halts);
-    const auto display = display::open_virtual_display({.geometry = kSmall, .faults = faults});
+    const auto display = test::open_virtual_display({.geometry = kSmall}, faults);
     WakeFd stop;
     std::string named;
     (void)play(*display, *faults,
@@ -124,9 +125,9 @@ class HaltingPlayback final : public test::PlainSource, public display::VirtualF
     return frames::PullStatus::Ready;
   }
 
-  [[nodiscard]] display::EventFate fate(uint64_t sequence) noexcept override {
+  [[nodiscard]] test::EventFate fate(uint64_t sequence) noexcept override {
     const bool dropped = halts_ == Stage::Display && sequence > 5;
-    return dropped ? display::EventFate::Drop : display::EventFate::Deliver;
+    return dropped ? test::EventFate::Drop : test::EventFate::Deliver;
   }
   [[nodiscard]] display::Nanoseconds event_delay(uint64_t sequence) noexcept override {
     if (halts_ == Stage::Presenter && sequence > 5) is_over_.wait();

@@ -10,15 +10,15 @@
 #include "frames/decoded_source.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/fakes/fake_source.h"
-#include "tests/support/fakes/scripted_faults.h"
+#include "tests/support/fakes/faulty_display.h"
 
 namespace lenticule::player {
 namespace {
 
-using display::EventFate;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 using test::DisplayedFrame;
+using test::EventFate;
 using test::FakeSource;
 using test::FakeSourceScript;
 
@@ -35,11 +35,8 @@ class Playback : public testing::Test {
 
   PlayResult play_script() {
     FakeSource source(script);
-    const auto display = display::open_virtual_display({.geometry = kSmall,
-                                                        .refresh = {60, 1},
-                                                        .clock = clock,
-                                                        .faults = faults,
-                                                        .recorder = recorder});
+    const auto display = test::open_virtual_display(
+        {.geometry = kSmall, .refresh = {60, 1}, .clock = clock, .recorder = recorder}, faults);
     PlayResult result = play(*display, source, options);
     EXPECT_EQ(source.acquired(), 0u) << "frames were not given back";
     const PaceCounts& pace = result.report.pace;
@@ -261,7 +258,7 @@ TEST_F(Playback, DuplicateEventsAreIgnored) {
 TEST_F(Playback, AnUnpluggedDisplayEndsPlaying) {
   faults->fates[5] = EventFate::Unplug;
   EXPECT_EQ(play_script().outcome, PlayOutcome::DisplayLost);
-  EXPECT_EQ(shown_ids(), count_to(4));
+  EXPECT_EQ(shown_ids(), count_to(5));
 }
 
 TEST_F(Playback, ABrokenSourcesLastFrameIsShownForItsFullTime) {

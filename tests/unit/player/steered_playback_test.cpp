@@ -9,19 +9,20 @@
 #include "display/virtual/virtual_display.h"
 #include "player/playback/playback.h"
 #include "tests/support/fakes/fake_source.h"
+#include "tests/support/fakes/faulty_display.h"
 
 namespace lenticule::player {
 namespace {
 
-using display::EventFate;
 using std::chrono::milliseconds;
 using test::DisplayedFrame;
+using test::EventFate;
 
 constexpr frames::FrameGeometry kSmall{.width = 16, .height = 8};
 constexpr uint64_t kAfterCut = 1000;  ///< number of the first frame after a cut
 
 /// Calls the test whenever the display plans a vblank, before that vblank.
-class VblankHook final : public display::VirtualFaults {
+class VblankHook final : public test::VirtualFaults {
  public:
   std::function<void(uint64_t)> before_vblank;
   EventFate fate(uint64_t sequence) noexcept override {
@@ -74,11 +75,8 @@ class SteeredPlayback : public testing::Test {
   PlaybackOptions options{.filling = Filling::InPresenter, .control = &control};
 
   PlayResult play_source(frames::FrameSource& source) {
-    const auto display = display::open_virtual_display({.geometry = kSmall,
-                                                        .refresh = {60, 1},
-                                                        .clock = clock,
-                                                        .faults = hook,
-                                                        .recorder = recorder});
+    const auto display = test::open_virtual_display(
+        {.geometry = kSmall, .refresh = {60, 1}, .clock = clock, .recorder = recorder}, hook);
     PlayResult result = play(*display, source, options);
     const PaceCounts& pace = result.report.pace;
     EXPECT_EQ(pace.vblanks, pace.shown + pace.repeated_planned + pace.repeated_underrun +

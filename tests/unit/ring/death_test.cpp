@@ -155,7 +155,7 @@ TEST(RingDeath, APlayerSurvivesKilledRenderers) {
     ASSERT_TRUE(test::service_until(*player,
                                     [&] {
                                       screen.refresh();
-                                      const RingStatistics now = player->statistics();
+                                      const RingStatistics now = test::statistics_of(*player);
                                       return !now.renderer_connected && now.slots_shut == 0;
                                     }))
         << "round " << round;
@@ -163,7 +163,7 @@ TEST(RingDeath, APlayerSurvivesKilledRenderers) {
   EXPECT_EQ(screen.torn(), 0u);
   EXPECT_EQ(screen.out_of_order(), 0u);
   EXPECT_TRUE(screen.holds_whole_frame()) << "the last complete frame stays displayed";
-  const RingStatistics figures = player->statistics();
+  const RingStatistics figures = test::statistics_of(*player);
   EXPECT_EQ(figures.violations, 0u);
   EXPECT_EQ(figures.renderer_deaths, figures.renderers);
   EXPECT_GE(figures.renderers, kKillsOfEach * 3u / 4u);
@@ -279,10 +279,11 @@ TEST(RingDeath, AStoppedRendererDoesNotBlockThePlayer) {
   renderer.kill_and_reap();
   EXPECT_TRUE(test::service_until(*player, [&] {
     screen.refresh();
-    return !player->statistics().renderer_connected && player->statistics().slots_shut == 0;
+    return !test::statistics_of(*player).renderer_connected &&
+           test::statistics_of(*player).slots_shut == 0;
   }));
   EXPECT_EQ(screen.torn(), 0u);
-  EXPECT_EQ(player->statistics().violations, 0u);
+  EXPECT_EQ(test::statistics_of(*player).violations, 0u);
 }
 
 TEST(RingDeath, ADisconnectedRendererCannotDamageTheNextOnesFrames) {
@@ -296,7 +297,8 @@ TEST(RingDeath, ADisconnectedRendererCannotDamageTheNextOnesFrames) {
     renderer.hang_up();
     for (uint64_t k = 0;; ++k) test::stamp_frame(renderer.pixels(1), ~k);
   });
-  ASSERT_TRUE(test::service_until(*player, [&] { return player->statistics().slots_shut == 1; }));
+  ASSERT_TRUE(
+      test::service_until(*player, [&] { return test::statistics_of(*player).slots_shut == 1; }));
 
   const auto next = test::connect_to(*player, folder.socket());
   for (uint64_t k = 0; k < 200; ++k) {
@@ -305,12 +307,13 @@ TEST(RingDeath, ADisconnectedRendererCannotDamageTheNextOnesFrames) {
   }
   EXPECT_EQ(screen.torn(), 0u);
   EXPECT_EQ(screen.shown(), 200u);
-  EXPECT_EQ(player->statistics().slots_shut, 1);
+  EXPECT_EQ(test::statistics_of(*player).slots_shut, 1);
 
   zombie.kill_and_reap();
-  EXPECT_TRUE(test::service_until(*player, [&] { return player->statistics().slots_shut == 0; }))
-      << "its death gives the slot back";
-  EXPECT_EQ(player->statistics().slots_recovered, 1u);
+  EXPECT_TRUE(test::service_until(*player, [&] {
+    return test::statistics_of(*player).slots_shut == 0;
+  })) << "its death gives the slot back";
+  EXPECT_EQ(test::statistics_of(*player).slots_recovered, 1u);
 }
 
 }  // namespace

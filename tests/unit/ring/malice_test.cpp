@@ -40,8 +40,8 @@ class RingMalice : public testing::Test {
     honest->finish();
     player_->service();
   }
-  uint64_t violations() const { return player_->statistics().violations; }
-  bool connected() const { return player_->statistics().renderer_connected; }
+  uint64_t violations() const { return test::statistics_of(*player_).violations; }
+  bool connected() const { return test::statistics_of(*player_).renderer_connected; }
 
   test::SocketFolder folder_;
   std::unique_ptr<RingPlayer> player_ = RingPlayer::open(test::small_ring(folder_.socket()));
@@ -80,7 +80,8 @@ TEST_F(RingMalice, AnyInvalidSlotWordEndsTheConnection) {
     player_->service();
     EXPECT_EQ(violations(), 1u) << word;
     EXPECT_FALSE(connected());
-    EXPECT_EQ(player_->statistics().slots_shut, 1) << "the process lives and may be writing there";
+    EXPECT_EQ(test::statistics_of(*player_).slots_shut, 1)
+        << "the process lives and may be writing there";
     expect_service_for_the_honest(5);
   }
 }
@@ -94,7 +95,7 @@ TEST_F(RingMalice, SlotsOfDisconnectedRenderersRunOutWithAReason) {
     ASSERT_EQ(taken, 1);
     renderer->hang_up();
     player_->service();
-    ASSERT_EQ(player_->statistics().slots_shut, round + 1);
+    ASSERT_EQ(test::statistics_of(*player_).slots_shut, round + 1);
   }
   test::expect_error(test::error_of([this] {
                        (void)test::connect_to(*player_, folder_.socket(), {},
@@ -113,7 +114,7 @@ TEST_F(RingMalice, InvalidMessagesEndTheConnection) {
     player_->service();
     EXPECT_FALSE(connected()) << junk.size() << " bytes";
   }
-  EXPECT_EQ(player_->statistics().slots_shut, 0);
+  EXPECT_EQ(test::statistics_of(*player_).slots_shut, 0);
   expect_service_for_the_honest(5);
 }
 
@@ -133,7 +134,7 @@ TEST_F(RingMalice, AnInvalidHelloIsRefused) {
     EXPECT_EQ(reason, RefuseReason::BadHello) << text;
     EXPECT_FALSE(packet.fds[0]) << "no memory for strangers";
   }
-  EXPECT_EQ(player_->statistics().renderers, 0u);
+  EXPECT_EQ(test::statistics_of(*player_).renderers, 0u);
   expect_service_for_the_honest(5);
 }
 
@@ -246,7 +247,7 @@ TEST_F(RingMalice, SurvivesRandomWritesIntoTheSharedTable) {
     const pid_t child = ::fork();
     ASSERT_GE(child, 0);
     if (child == 0) scribble(folder_.socket(), round);
-    const uint64_t renderers = player_->statistics().renderers;
+    const uint64_t renderers = test::statistics_of(*player_).renderers;
     // The player holds a frame and polls slowly in half of the runs.
     AcquiredFrame kept;
     bool keeps = false;
@@ -263,15 +264,15 @@ TEST_F(RingMalice, SurvivesRandomWritesIntoTheSharedTable) {
                                       }
                                       if (round % 2 == 1)
                                         std::this_thread::sleep_for(std::chrono::microseconds(200));
-                                      return player_->statistics().renderers > renderers &&
+                                      return test::statistics_of(*player_).renderers > renderers &&
                                              !connected();
                                     }))
         << "round " << round;
     ::kill(child, SIGKILL);
     ASSERT_EQ(::waitpid(child, nullptr, 0), child);
     if (keeps) player_->release(kept.token);
-    EXPECT_TRUE(
-        test::service_until(*player_, [&] { return player_->statistics().slots_shut == 0; }));
+    EXPECT_TRUE(test::service_until(*player_,
+                                    [&] { return test::statistics_of(*player_).slots_shut == 0; }));
   }
   EXPECT_GE(violations(), kScribblers / 2);
   (void)test::pull_all(*player_);

@@ -53,7 +53,7 @@ using Ids = std::vector<uint64_t>;
 TEST_F(RingLoop, ReplaysASequenceThatFillsTheRingExactly) {
   deliver(4);
   EXPECT_EQ(play_through(), (Ids{0, 1, 2, 3}));
-  EXPECT_EQ(player_->statistics().loop_obstacle, "");
+  EXPECT_EQ(player_->loop_obstacle(), "");
   ASSERT_TRUE(player_->rewind());
   EXPECT_EQ(play_through(), (Ids{0, 1, 2, 3}));
 }
@@ -71,7 +71,7 @@ TEST_F(RingLoop, RewindsWhileTheLastFramesAreStillAcquired) {
   EXPECT_EQ(stamped_id(again.frame.bytes), 0u);
   player_->release(second.token);
   player_->release(again.token);
-  EXPECT_EQ(player_->statistics().violations, 0u);
+  EXPECT_EQ(test::statistics_of(*player_).violations, 0u);
 }
 
 TEST_F(RingLoop, DoesNotRewindBeforeTheEnd) {
@@ -103,12 +103,12 @@ TEST_F(RingLoop, RecyclesOnceTheRendererAsksForMoreSlotsThanThereAre) {
   ASSERT_TRUE(ended);
   EXPECT_EQ(ids.size(), 20u);
   EXPECT_FALSE(player_->rewind());
-  EXPECT_NE(player_->statistics().loop_obstacle.find("more frames than"), std::string::npos);
+  EXPECT_NE(player_->loop_obstacle().find("more frames than"), std::string::npos);
 }
 
 TEST_F(RingLoop, RecyclesFromTheStartWhenTheStatedCountDoesNotFit) {
   const auto renderer = connect(5);
-  EXPECT_NE(player_->statistics().loop_obstacle, "");
+  EXPECT_NE(player_->loop_obstacle(), "");
   ASSERT_EQ(push_frame(*renderer, 0, 0), RingStatus::Ok);
   EXPECT_EQ(play_through(), (Ids{0}));
   for (uint64_t k = 1; k < 5; ++k) ASSERT_EQ(push_frame(*renderer, k, k), RingStatus::Ok);

@@ -45,7 +45,7 @@ TEST_F(Ring, PassesTheRenderersHelloToThePlayer) {
       {.name = "teapot", .rig_fingerprint = {}, .rate = Rate{24000, 1001}, .frame_count = 77});
   EXPECT_EQ(player_->rate(), (Rate{24000, 1001}));
   EXPECT_EQ(player_->frame_count(), 77u);
-  EXPECT_EQ(player_->statistics().renderer_name, "teapot");
+  EXPECT_EQ(test::statistics_of(*player_).renderer_name, "teapot");
 }
 
 TEST_F(Ring, GivesAnAbandonedSlotToTheNextFrame) {
@@ -134,8 +134,8 @@ TEST_F(Ring, EndsAfterTheFinMessageOnceAllFramesArePulled) {
   ASSERT_EQ(pull(frame), PullStatus::Ready);
   EXPECT_EQ(pull(frame), PullStatus::End);
   EXPECT_EQ(pull(frame), PullStatus::End);
-  EXPECT_EQ(player_->statistics().renderer_deaths, 0u);
-  EXPECT_FALSE(player_->statistics().renderer_connected);
+  EXPECT_EQ(test::statistics_of(*player_).renderer_deaths, 0u);
+  EXPECT_FALSE(test::statistics_of(*player_).renderer_connected);
 }
 
 TEST_F(Ring, FinishGivesUpAHalfWrittenFrame) {
@@ -146,7 +146,7 @@ TEST_F(Ring, FinishGivesUpAHalfWrittenFrame) {
   renderer->finish();
   AcquiredFrame frame;
   EXPECT_EQ(pull(frame), PullStatus::End);
-  EXPECT_EQ(player_->statistics().violations, 0u);
+  EXPECT_EQ(test::statistics_of(*player_).violations, 0u);
   EXPECT_EQ(renderer->acquire(1, milliseconds(0), pixels), RingStatus::Gone);
 }
 
@@ -159,7 +159,7 @@ TEST_F(Ring, WaitsForTheNextRendererWhenOneLeavesWithoutGoodbye) {
   ASSERT_EQ(pull(frame), PullStatus::Ready) << "what was published stays playable";
   EXPECT_EQ(stamped_id(frame.frame.bytes), 7u);
   EXPECT_EQ(pull(frame), PullStatus::NotYet);
-  EXPECT_EQ(player_->statistics().renderer_deaths, 1u);
+  EXPECT_EQ(test::statistics_of(*player_).renderer_deaths, 1u);
 
   renderer = connect();
   ASSERT_EQ(push_frame(*renderer, 1, 8), RingStatus::Ok);
@@ -221,9 +221,11 @@ TEST_F(Ring, AcceptsAWaitingRendererWhenTheFirstOneEnds) {
   std::unique_ptr<RingRenderer> second;
   std::thread waiting(
       [&] { second = RingRenderer::connect(folder_.socket(), {}, std::chrono::seconds(20)); });
-  EXPECT_TRUE(service_until(*player_, [&] { return player_->statistics().renderers_refused > 0; }));
+  EXPECT_TRUE(
+      service_until(*player_, [&] { return test::statistics_of(*player_).renderers_refused > 0; }));
   first.reset();
-  EXPECT_TRUE(service_until(*player_, [&] { return player_->statistics().renderers == 2; }));
+  EXPECT_TRUE(
+      service_until(*player_, [&] { return test::statistics_of(*player_).renderers == 2; }));
   waiting.join();
   EXPECT_EQ(push_frame(*second, 0, 0), RingStatus::Ok);
 }
@@ -266,9 +268,9 @@ TEST_F(Ring, AcceptsFramesForAnotherTrimOfItsRigAndReportsIt) {
 TEST_F(Ring, HeartbeatMovesWhileTheRendererWorks) {
   open();
   const auto renderer = connect();
-  const uint32_t before = player_->statistics().heartbeat;
+  const uint32_t before = test::statistics_of(*player_).heartbeat;
   ASSERT_EQ(push_frame(*renderer, 0, 0), RingStatus::Ok);
-  EXPECT_NE(player_->statistics().heartbeat, before);
+  EXPECT_NE(test::statistics_of(*player_).heartbeat, before);
 }
 
 TEST_F(Ring, RefusesImpossibleOptions) {
@@ -326,7 +328,7 @@ TEST_F(Ring, TwoThreadsPassFramesWithoutTearing) {
   writer.join();
   EXPECT_TRUE(ended);
   EXPECT_EQ(next, kFrames);
-  EXPECT_EQ(player_->statistics().violations, 0u);
+  EXPECT_EQ(test::statistics_of(*player_).violations, 0u);
 }
 
 }  // namespace

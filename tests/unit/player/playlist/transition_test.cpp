@@ -12,6 +12,7 @@
 #include "display/virtual/virtual_display.h"
 #include "player/playback/playback.h"
 #include "player/playlist/playlist_source.h"
+#include "tests/support/fakes/faulty_display.h"
 #include "tests/unit/player/playlist/fake_items.h"
 
 namespace lenticule::player {
@@ -243,12 +244,10 @@ class TransitionTimes : public Transitions {
       std::make_shared<test::RememberingRecorder>();
   PlaybackControl control;
 
-  PlayResult play_list(Playlist list, std::shared_ptr<display::VirtualFaults> faults = nullptr) {
-    const auto display = display::open_virtual_display({.geometry = kItemSize,
-                                                        .refresh = {60, 1},
-                                                        .clock = clock,
-                                                        .faults = std::move(faults),
-                                                        .recorder = recorder});
+  PlayResult play_list(Playlist list, std::shared_ptr<test::VirtualFaults> faults = nullptr) {
+    const auto display = test::open_virtual_display(
+        {.geometry = kItemSize, .refresh = {60, 1}, .clock = clock, .recorder = recorder},
+        std::move(faults));
     PlayResult result =
         play(*display, open(std::move(list)),
              {.filling = Filling::InPresenter, .control = &control, .source_name = "list"});
@@ -313,12 +312,12 @@ TEST_F(TransitionTimes, NoVblankIsMissedAndNoLengthChangesInTwentyRounds) {
 }
 
 /// Pauses before a vblank, and continues before another one.
-class Pauses final : public display::VirtualFaults {
+class Pauses final : public test::VirtualFaults {
  public:
   explicit Pauses(PlaybackControl& control) : control_(control) {}
-  display::EventFate fate(uint64_t sequence) noexcept override {
+  test::EventFate fate(uint64_t sequence) noexcept override {
     if (sequence == 8 || sequence == 40) control_.pause(sequence == 8);
-    return display::EventFate::Deliver;
+    return test::EventFate::Deliver;
   }
   display::Nanoseconds event_delay(uint64_t) noexcept override { return display::Nanoseconds{0}; }
 

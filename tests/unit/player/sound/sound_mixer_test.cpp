@@ -15,17 +15,18 @@
 #include "player/playback/playback.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/fakes/fake_source.h"
+#include "tests/support/fakes/faulty_display.h"
 
 namespace lenticule::player {
 namespace {
 
-using display::EventFate;
 using std::chrono::milliseconds;
+using test::EventFate;
 
 constexpr frames::FrameGeometry kSmall{.width = 16, .height = 8};
 constexpr double kMost = 0.010;  ///< seconds between a flash and its click
 
-class VblankHook final : public display::VirtualFaults {
+class VblankHook final : public test::VirtualFaults {
  public:
   std::function<void(uint64_t)> before_vblank;
   EventFate fate(uint64_t sequence) noexcept override {
@@ -155,11 +156,8 @@ class Sound : public testing::Test {
         (void)device.write(block);
       }
     };
-    const auto display = display::open_virtual_display({.geometry = kSmall,
-                                                        .refresh = refresh,
-                                                        .clock = clock,
-                                                        .faults = hook,
-                                                        .recorder = panel});
+    const auto display = test::open_virtual_display(
+        {.geometry = kSmall, .refresh = refresh, .clock = clock, .recorder = panel}, hook);
     return play(*display, source, options);
   }
   long allocated = 0;
