@@ -97,7 +97,7 @@ std::optional<PanelCode> panel_on(const std::string& connector) {
   return std::nullopt;
 }
 
-std::optional<PanelCode> panel_of(snd_ctl_t* control, int device) {
+std::optional<EldPanel> panel_of(snd_ctl_t* control, int device) {
   snd_ctl_elem_value_t* value = nullptr;
   snd_ctl_elem_info_t* info = nullptr;
   snd_ctl_elem_value_alloca(&value);
@@ -120,16 +120,43 @@ std::unique_ptr<SoundDevice> open_alsa(const std::string& name) {
   return std::make_unique<AlsaDevice>(name);
 }
 
-std::string alsa_device_of(const std::string& connector) {
-  const std::optional<PanelCode> panel = panel_on(connector);
-  for (int card = -1; panel && snd_card_next(&card) == 0 && card >= 0;) {
+PanelSound choose_sound(const std::optional<PanelCode>& panel,
+                        const std::vector<SoundOutput>& outputs, const std::string& problem) {
+  if (!panel) return {.problem = "the panel has no EDID", .remedy = "replace the cable"};
+  for (const SoundOutput& one : outputs)
+    if (one.panel && one.panel->code == *panel)
+      return {.device = one.device, .card = one.card, .monitor = one.panel->name};
+  if (!problem.empty()) return {.problem = problem, .remedy = "add the user to the group audio"};
+  if (outputs.empty())
+    return {.problem = "the machine has no sound card",
+            .remedy = "load its driver, which is snd_hda_intel on most machines"};
+  return {.problem = "no sound card says that one of its outputs has this panel (ELD)",
+          .remedy =
+              "use a panel, a cable and a port with sound, and play: some drivers say so "
+              "only while the output is on"};
+}
+
+PanelSound sound_of_panel(const std::string& connector) {
+  constexpr int kMostCards = 32;
+  std::vector<SoundOutput> outputs;
+  std::string problem;
+  snd_lib_error_set_handler(print_nothing);
+  snd_ctl_card_info_t* info = nullptr;
+  snd_ctl_card_info_alloca(&info);
+  // snd_card_next() leaves out cards that this user may not open.
+  for (int card = 0; card < kMostCards; ++card) {
+    if (!std::filesystem::exists(fmt::format("/sys/class/sound/card{}", card))) continue;
     snd_ctl_t* opened = nullptr;
-    if (snd_ctl_open(&opened, fmt::format("hw:{}", card).c_str(), SND_CTL_READONLY) < 0) continue;
+    const int error = snd_ctl_open(&opened, fmt::format("hw:{}", card).c_str(), SND_CTL_READONLY);
+    if (error < 0) problem = fmt::format("sound card {}: {}", card, snd_strerror(error));
+    if (error < 0) continue;
     const std::unique_ptr<snd_ctl_t, Close<snd_ctl_close>> control(opened);
+    (void)snd_ctl_card_info(opened, info);
     for (int device = -1; snd_ctl_pcm_next_device(opened, &device) == 0 && device >= 0;)
-      if (panel_of(opened, device) == panel) return fmt::format("plughw:{},{}", card, device);
+      outputs.push_back({fmt::format("plughw:{},{}", card, device),
+                         snd_ctl_card_info_get_name(info), panel_of(opened, device)});
   }
-  return "default";
+  return choose_sound(panel_on(connector), outputs, problem);
 }
 
 std::unique_ptr<SoundDevice> record_wav(const std::string& file) {

@@ -11,6 +11,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "display/display.h"
 #include "frames/sound/sound_ring.h"
@@ -84,21 +85,41 @@ class SoundRecorder final : public SoundDevice {
 [[nodiscard]] std::unique_ptr<SoundDevice> open_alsa(const std::string& name);
 /// Bytes 8 to 11 of an EDID: manufacturer and product.
 using PanelCode = std::array<uint8_t, 4>;
+struct EldPanel {
+  PanelCode code{};
+  std::string name{};
+};
 /// Reads an ELD (EDID-like data), what a graphics driver tells the sound driver about the panel on
-/// an HDMI or DisplayPort output: HDA specification, 7.3.3.34. Returns the bytes that its EDID has,
-/// too; none for an output without a panel, and for other bytes.
-[[nodiscard]] inline std::optional<PanelCode> panel_of_eld(std::span<const uint8_t> eld) {
+/// an HDMI or DisplayPort output: HDA specification, 7.3.3.34. Returns none for an output without a
+/// panel, and for other bytes.
+[[nodiscard]] inline std::optional<EldPanel> panel_of_eld(std::span<const uint8_t> eld) {
   constexpr size_t kHeader = 4, kCode = 16, kName = 20, kMostName = 16;
   if (eld.size() < kName || (eld[0] >> 3 != 2 && eld[0] >> 3 != 31)) return std::nullopt;
   const size_t name = eld[4] & 31U, length = std::min(eld.size(), kHeader + size_t{eld[2]} * 4);
   if (name > kMostName || kName + name > length) return std::nullopt;
-  PanelCode code{};
-  std::copy_n(eld.begin() + kCode, code.size(), code.begin());
-  return code;
+  EldPanel panel{.name = {eld.begin() + kName, eld.begin() + kName + static_cast<int>(name)}};
+  std::copy_n(eld.begin() + kCode, panel.code.size(), panel.code.begin());
+  return panel;
 }
 
-/// Returns the ALSA device of the panel on this connector ("HDMI-A-1"), which is "default" if no
-/// sound device belongs to it.
-[[nodiscard]] std::string alsa_device_of(const std::string& connector);
+/// SoundOutput is a playback device of a sound card, with the panel that its ELD describes.
+struct SoundOutput {
+  std::string device{}, card{};
+  std::optional<EldPanel> panel{};
+};
+/// PanelSound is the ALSA device for a panel's sound.
+struct PanelSound {
+  std::string device = "default";
+  std::string card{};               ///< name of the card; empty if no device belongs to the panel
+  std::string monitor{};            ///< name of the panel in its ELD
+  std::string problem{}, remedy{};  ///< reason why no device belongs to the panel
+};
+/// Chooses among all devices; `panel` is none for a panel without EDID. `problem` is the reason why
+/// a card could not be looked at, or empty.
+[[nodiscard]] PanelSound choose_sound(const std::optional<PanelCode>& panel,
+                                      const std::vector<SoundOutput>& outputs,
+                                      const std::string& problem);
+/// Returns the device for the panel on this connector of this machine ("HDMI-A-1").
+[[nodiscard]] PanelSound sound_of_panel(const std::string& connector);
 
 }  // namespace lenticule::player

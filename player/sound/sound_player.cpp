@@ -255,7 +255,7 @@ std::unique_ptr<SoundDevice> SoundPlayer::make_device() const {
   const std::string& name = options_.device;
   if (options_.open) return options_.open();
   if (name.starts_with(kFile)) return record_wav(name.substr(kFile.size()));
-  return open_alsa(name == "auto" ? alsa_device_of(connector_) : name);
+  return open_alsa(name == "auto" ? sound_of_panel(connector_).device : name);
 }
 
 void SoundPlayer::set_device(std::unique_ptr<SoundDevice> device) {

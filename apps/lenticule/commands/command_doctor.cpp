@@ -17,6 +17,7 @@
 #include "display/open/open_display.h"
 #include "optics/panel.h"
 #include "player/session/panel_json.h"
+#include "player/sound/sound_device.h"
 
 namespace lenticule::cli {
 namespace {
@@ -38,8 +39,15 @@ nlohmann::json examine(const DoctorFlags& flags) {
   for (const auto& card : inspection.cards) json["cards"].push_back(player::to_json(card));
   for (const auto& group : display::tile_groups(inspection.panels))
     json["tiled_panels"].push_back(player::to_json(group));
-  for (const auto& diagnosis : display::diagnose(session, request))
+  for (const auto& diagnosis : display::diagnose(session, request)) {
+    const player::PanelSound sound = player::sound_of_panel(diagnosis.connectors.front());
     json["outputs"].push_back(player::to_json(diagnosis));
+    json["outputs"].back()["sound"] = {{"device", sound.device},
+                                       {"card", sound.card},
+                                       {"monitor", sound.monitor},
+                                       {"problem", sound.problem},
+                                       {"remedy", sound.remedy}};
+  }
   return json;
 }
 
@@ -107,6 +115,13 @@ void print_output(const nlohmann::json& output) {
   print_list("proved:", exactness["proved"]);
   print_list("try:", exactness["remedies"]);
   if (!text_of(output["remedy"]).empty()) print_out("    try: {}\n", text_of(output["remedy"]));
+  const nlohmann::json& sound = output["sound"];
+  if (text_of(sound["problem"]).empty())
+    print_out("  sound: {} of {}, panel '{}'\n", text_of(sound["device"]), text_of(sound["card"]),
+              text_of(sound["monitor"]));
+  else
+    print_out("  sound: {}, because {}\n    try: {}\n", text_of(sound["device"]),
+              text_of(sound["problem"]), text_of(sound["remedy"]));
 }
 
 /// Returns kDevice if no output can show frames, kQuality if frames would be altered, and kFailed

@@ -9,6 +9,8 @@
 namespace lenticule::player {
 namespace {
 
+constexpr PanelCode kPanel{0x1e, 0x6d, 0x34, 0x12};
+
 /// Returns the ELD of a panel, as the HDA specification lays it out.
 std::vector<uint8_t> eld_of(const std::string& name) {
   std::vector<uint8_t> bytes(20, 0);
@@ -26,8 +28,12 @@ std::vector<uint8_t> eld_of(const std::string& name) {
 }
 
 TEST(Eld, NamesThePanelAsItsEdidDoes) {
-  EXPECT_EQ(panel_of_eld(eld_of("LG TV")), (PanelCode{0x1e, 0x6d, 0x34, 0x12}));
-  EXPECT_EQ(panel_of_eld(eld_of("")), (PanelCode{0x1e, 0x6d, 0x34, 0x12}));
+  for (const std::string name : {"LG TV", ""}) {
+    const auto panel = panel_of_eld(eld_of(name));
+    ASSERT_TRUE(panel);
+    EXPECT_EQ(panel->code, kPanel);
+    EXPECT_EQ(panel->name, name);
+  }
 }
 
 TEST(Eld, IsNoneWithoutAPanel) {
@@ -48,6 +54,37 @@ TEST(Eld, ACutOneIsNoneOrStillThePanels) {
     const auto panel = panel_of_eld(bytes);
     EXPECT_EQ(panel.has_value(), bytes.size() >= 20 + 14) << bytes.size();
   }
+}
+
+TEST(PanelSound, IsTheFirstDeviceWhoseEldIsThePanels) {
+  const EldPanel other{.code = {1, 2, 3, 4}, .name = "other"}, own{.code = kPanel, .name = "LG TV"};
+  const PanelSound sound = choose_sound(kPanel,
+                                        {{"plughw:0,0", "PCH", std::nullopt},
+                                         {"plughw:0,3", "PCH", other},
+                                         {"plughw:2,8", "HDMI", own},
+                                         {"plughw:2,9", "HDMI", own}},
+                                        "sound card 1: Permission denied");
+  EXPECT_EQ(sound.device, "plughw:2,8");
+  EXPECT_EQ(sound.card, "HDMI");
+  EXPECT_EQ(sound.monitor, "LG TV");
+  EXPECT_EQ(sound.problem, "");
+}
+
+TEST(PanelSound, IsTheDefaultDeviceWithTheReason) {
+  const std::vector<SoundOutput> outputs = {{"plughw:0,3", "PCH", std::nullopt}};
+  const auto problem = [](const auto& panel, const auto& there, const std::string& unseen) {
+    const PanelSound sound = choose_sound(panel, there, unseen);
+    EXPECT_EQ(sound.device, "default");
+    EXPECT_NE(sound.remedy, "");
+    return sound.problem;
+  };
+  const std::optional<PanelCode> panel = kPanel, none;
+  const std::vector<SoundOutput> no_outputs;
+  EXPECT_EQ(problem(none, outputs, ""), "the panel has no EDID");
+  EXPECT_EQ(problem(panel, no_outputs, ""), "the machine has no sound card");
+  EXPECT_EQ(problem(panel, outputs, ""),
+            "no sound card says that one of its outputs has this panel (ELD)");
+  EXPECT_EQ(problem(panel, outputs, "sound card 1: denied"), "sound card 1: denied");
 }
 
 }  // namespace
