@@ -185,6 +185,26 @@ test("Now: a phone pauses, continues, goes on and shows a black frame", { timeou
   await close();
 });
 
+test("Now: the volume follows its slider, and is muted and as before", { timeout: 3 * LIMIT_MS }, async () => {
+  const { page, wrong, close } = await open("desktop", "/");
+  const volume = () => ctl("status").sound.volume_db;
+  await says(page, "sound-state", "^Sound: no sound");
+  await says(page, "volume-db", "^0 dB$");
+  await page.focus("#volume");
+  for (let k = 0; k < 5; ++k) await page.keyboard.press("ArrowLeft");
+  await comesTrue(() => volume() === -5, "5 dB less");
+  await says(page, "volume-db", "^-5 dB$");
+  await page.click("#mute");
+  await comesTrue(() => volume() === -80, "muted");
+  await page.waitForSelector("#mute[aria-pressed=true]");
+  await page.click("#mute");
+  await comesTrue(() => volume() === -5, "as before");
+  ctl("volume", "0");
+  await says(page, "volume-db", "^0 dB$");
+  assert.deepEqual(wrong, []);
+  await close();
+});
+
 test("Now: the list is ordered with the keyboard and by dragging, and an old version put back", { timeout: 3 * LIMIT_MS }, async () => {
   const { page, wrong, close } = await open("desktop", "/");
   const order = () => ctl("list").items.map((one) => one.source.replace(/.*\//, ""));

@@ -21,6 +21,16 @@ namespace {
 
 using nlohmann::ordered_json;
 
+TEST_F(Web, TheVolumeIsInTheNextState) {
+  serve();
+  EXPECT_EQ(api("GET", "state")["status"]["sound"]["volume_db"], 0.0);
+  EXPECT_EQ(ask("POST", "/api/v1/volume", R"({"db": -12.5})").status, 200);
+  EXPECT_EQ(api("GET", "state")["status"]["sound"]["volume_db"], -12.5);
+  for (const char* const wrong : {R"({"db": 13})", R"({"db": "loud"})", "{}"})
+    EXPECT_EQ(ask("POST", "/api/v1/volume", wrong).status, 400) << wrong;
+  EXPECT_EQ(api("GET", "state")["status"]["sound"]["volume_db"], -12.5);
+}
+
 TEST_F(Web, AnUploadContinuesWhereItEnded) {
   serve();
   const std::string film = read_text(path("media/a.lts"));

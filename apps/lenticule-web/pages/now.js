@@ -37,6 +37,7 @@ function showState(now) {
   $("figures").textContent = [status ? `${count(status.frames_shown, "frame")} shown` : "",
     ...machine.temperatures.map((one) => `${one.name} ${one.celsius.toFixed(0)} °C`),
     ...machine.clocks.slice(0, 1).map((one) => `${one.mhz.toFixed(0)} MHz`)].filter(Boolean).join(" · ");
+  showSound(status && status.sound);
   markPlaying();
 }
 
@@ -56,6 +57,47 @@ $("pause").onclick = () =>
   attempt(() => api("POST", $("pause").getAttribute("aria-pressed") === "true" ? "play" : "pause"));
 $("black").onclick = () =>
   attempt(() => api("POST", "show", { what: state.shown_instead === "black" ? "content" : "black" }));
+
+// --- sound ---
+
+const SILENCE_DB = -80;
+let asked = null;    // the volume that is sent next
+let sending = false;
+let unmuted = 0;     // the volume before it was muted
+
+function showVolume(db) {
+  const text = db <= SILENCE_DB ? "silence" : `${db > 0 ? "+" : ""}${db.toFixed(0)} dB`;
+  $("volume").value = db;
+  $("volume").setAttribute("aria-valuetext", text);
+  $("volume-db").textContent = text;
+  $("mute").setAttribute("aria-pressed", String(db <= SILENCE_DB));
+  if (db > SILENCE_DB) unmuted = db;
+}
+
+function showSound(sound) {
+  $("sound").hidden = !sound;
+  if (!sound) return;
+  if (!sending) showVolume(sound.volume_db);
+  $("sound-state").textContent = `Sound: ${sound.state}` + (sound.device ? `, device ${plain(sound.device)}` : "")
+    + (sound.source ? `, ${baseName(sound.source)}` : "");
+  $("sound-problem").textContent = sound.problem ? "Last problem of the sound: " + plain(sound.problem) : "";
+}
+
+/** Sends the newest volume, one request after the other. */
+async function setVolume(db) {
+  showVolume(asked = db);
+  if (sending) return;
+  sending = true;
+  while (asked !== null) {
+    const next = asked;
+    asked = null;
+    await attempt(() => api("POST", "volume", { db: next }));
+  }
+  sending = false;
+}
+
+$("volume").oninput = () => setVolume(Number($("volume").value));
+$("mute").onclick = () => setVolume($("mute").getAttribute("aria-pressed") === "true" ? unmuted : SILENCE_DB);
 
 // --- the list ---
 
