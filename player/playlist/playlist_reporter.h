@@ -64,6 +64,12 @@ struct PlaylistStatus {
   std::string interrupted{};  ///< source that continues after the interruption; empty without one
 };
 
+struct SoundAccount {
+  uint64_t heard_ms = 0;
+  uint64_t silent_ms = 0;  ///< due, and not heard: no device, a stalled or damaged source
+  std::string device{};    ///< the present one; empty: none
+};
+
 /// ItemAccount is what the playlist knows about an item's turn.
 struct ItemAccount {
   uint32_t number = 0;  ///< running number of the item
@@ -74,6 +80,7 @@ struct ItemAccount {
   bool to_end = false;            ///< all frames of the turn were handed out; no jump ended it
   uint64_t handed_out = 0;        ///< frames, known at the end of the turn
   frames::FrameDamage damage{};
+  std::optional<SoundAccount> sound{};  ///< none: the item has no sound
 };
 
 /// Thread safety: any thread. Events are sent on the thread that reports them, without a lock.

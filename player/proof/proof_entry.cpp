@@ -37,12 +37,14 @@ constexpr std::array kTexts = std::to_array<Text>({
     {"LENTICULE_HASH", &ProofEntry::hash, kMaxTextBytes},
     {"LENTICULE_PANEL", &ProofEntry::panel, kMaxTextBytes},
     {"LENTICULE_EXACTNESS", &ProofEntry::exactness, kMaxTextBytes},
+    {"LENTICULE_SOUND_DEVICE", &ProofEntry::sound_device, kMaxTextBytes},
 });
 
 template <class Value>
 struct Number {
   const char* name;
   Value ProofEntry::*member;
+  bool may_be_missing = false;  ///< not written if it is 0
 };
 constexpr std::array kCounts = std::to_array<Number<uint64_t>>({
     {"LENTICULE_TURN", &ProofEntry::turn},
@@ -53,6 +55,8 @@ constexpr std::array kCounts = std::to_array<Number<uint64_t>>({
     {"LENTICULE_PLAYS_WHOLE", &ProofEntry::whole},
     {"LENTICULE_PLAYS_INTERRUPTED", &ProofEntry::interrupted},
     {"LENTICULE_PROCESS_START", &ProofEntry::process_start},
+    {"LENTICULE_SOUND_HEARD_MS", &ProofEntry::heard_ms, true},
+    {"LENTICULE_SOUND_SILENT_MS", &ProofEntry::silent_ms, true},
 });
 
 constexpr std::array kTimes = std::to_array<Number<int64_t>>({
@@ -113,7 +117,8 @@ std::vector<std::string> journal_fields(const ProofEntry& entry) {
       fields.push_back(
           fmt::format("{}={}", text.name, within(entry.*text.member, text.most_bytes)));
   for (const auto& count : kCounts)
-    fields.push_back(fmt::format("{}={}", count.name, entry.*count.member));
+    if (!count.may_be_missing || entry.*count.member > 0)
+      fields.push_back(fmt::format("{}={}", count.name, entry.*count.member));
   for (const auto& time : kTimes)
     fields.push_back(fmt::format("{}={}", time.name, entry.*time.member));
   return fields;
@@ -140,7 +145,9 @@ std::optional<ProofEntry> parse_proof_entry(const std::vector<std::string_view>&
     entry.*text.member = value;
   }
   for (const auto& count : kCounts) {
-    const auto value = number_from<uint64_t>(value_of(fields, count.name).value_or(""));
+    const auto text = value_of(fields, count.name);
+    if (!text && count.may_be_missing) continue;
+    const auto value = number_from<uint64_t>(text.value_or(""));
     if (!value) return std::nullopt;
     entry.*count.member = *value;
   }

@@ -40,6 +40,9 @@ struct ProofEntry {
   uint64_t damaged = 0;        ///< frames that could not be read, or only with errors
   uint64_t whole = 0;          ///< plays from the first frame to the last
   uint64_t interrupted = 0;    ///< plays that ended earlier or began later
+  uint64_t heard_ms = 0;       ///< time in which the item's sound was heard
+  uint64_t silent_ms = 0;      ///< time in which it was due, and could not be heard
+  std::string sound_device{};  ///< the last one; empty if there was none, or the item has no sound
   uint64_t process_start = 0;  ///< see process_start_of()
 
   friend bool operator==(const ProofEntry&, const ProofEntry&) = default;

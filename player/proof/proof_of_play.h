@@ -127,6 +127,7 @@ struct OpenTurn {
   ItemTurn counted;  ///< the part that is in `span`
   ItemAccount account;
   uint64_t written_damage = 0;
+  SoundAccount written_sound;
   bool spoiled = false;  ///< the play that goes on is not whole any more
   uint64_t span_from_ns = 0;
   ProofEntry span;  ///< counts since the last entry
@@ -196,6 +197,12 @@ class ProofOfPlay {
     const uint64_t damage = open.account.damage.damaged + open.account.damage.missing;
     span.damaged += damage - std::min(damage, open.written_damage);
     open.written_damage = damage;
+    if (const auto& sound = open.account.sound) {
+      span.heard_ms += sound->heard_ms - open.written_sound.heard_ms;
+      span.silent_ms += sound->silent_ms - open.written_sound.silent_ms;
+      if (!sound->device.empty()) span.sound_device = sound->device;
+      open.written_sound = *sound;
+    }
     span.exactness = worse_exactness(span.exactness, panel.exactness);
     open.counted = turn;
   }
@@ -214,6 +221,7 @@ class ProofOfPlay {
     span.until_us = std::max(span.from_us, options_.real_time(until_ns));
     options_.write(span);
     span.frames = span.unseen = span.missed = span.damaged = span.whole = span.interrupted = 0;
+    span.heard_ms = span.silent_ms = 0;
     span.exactness = kNoExactness;
     open_->span_from_ns = until_ns;
   }

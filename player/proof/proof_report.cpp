@@ -96,13 +96,21 @@ size_t width_of(const std::string& text) {
   }));
 }
 
-constexpr size_t kFirstNumber = 2, kLastNumber = 7;  // these columns are aligned to the right
+constexpr size_t kFirstNumber = 2, kLastNumber = 9;  // these columns are aligned to the right
+
+double seconds_of(uint64_t ms) {
+  return static_cast<double>(ms) / 1000.0;
+}
+std::string seconds_text(const ReportRow& row, uint64_t ms) {
+  return row.has_sound() ? fmt::format("{:.1f}", seconds_of(ms)) : "";
+}
 
 Cells cells_of(const ReportRow& row) {
   Cells cells = {row.day, escaped(row.item)};
   for (const uint64_t number :
        {row.plays(), row.whole, row.interrupted, row.frames, row.missed, row.damaged})
     cells.push_back(std::to_string(number));
+  for (const uint64_t ms : {row.heard_ms, row.silent_ms}) cells.push_back(seconds_text(row, ms));
   for (const std::string& text : {row.exactness, row.panel, row.unit})
     cells.push_back(escaped(text));
   return cells;
@@ -148,9 +156,15 @@ std::string csv_cell(const std::string& value) {
 }
 
 ordered_json counts_of(const ReportRow& row) {
-  return {{"plays", row.plays()},   {"whole", row.whole},        {"interrupted", row.interrupted},
-          {"frames", row.frames},   {"unseen", row.unseen},      {"missed", row.missed},
-          {"damaged", row.damaged}, {"exactness", row.exactness}};
+  ordered_json json = {{"plays", row.plays()},           {"whole", row.whole},
+                       {"interrupted", row.interrupted}, {"frames", row.frames},
+                       {"unseen", row.unseen},           {"missed", row.missed},
+                       {"damaged", row.damaged},         {"exactness", row.exactness}};
+  if (row.has_sound())
+    json["sound"] = {{"heard_s", seconds_of(row.heard_ms)},
+                     {"silent_s", seconds_of(row.silent_ms)},
+                     {"devices", row.sound_devices}};
+  return json;
 }
 
 }  // namespace
@@ -184,7 +198,7 @@ std::string table_text(const ProofSummary& summary) {
   std::string text;
   if (!summary.rows.empty()) {
     std::vector<Cells> rows = {{"day", "item", "plays", "whole", "interrupted", "frames", "missed",
-                                "damaged", "exactness", "panel", "unit"}};
+                                "damaged", "heard s", "silent s", "exactness", "panel", "unit"}};
     for (const ReportRow& row : summary.rows) rows.push_back(cells_of(row));
     ReportRow total = summary.total;
     total.day = "total";
@@ -202,12 +216,16 @@ std::string table_text(const ProofSummary& summary) {
 
 std::string csv_text(const ProofSummary& summary) {
   std::string text =
-      "day,item,hashes,plays,whole,interrupted,frames,unseen,missed,damaged,exactness,panel,unit\n";
+      "day,item,hashes,plays,whole,interrupted,frames,unseen,missed,damaged,exactness,panel,unit,"
+      "heard_s,silent_s,sound_devices\n";
   for (const ReportRow& row : summary.rows)
-    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{}\n", row.day, csv_cell(row.item),
-                        csv_cell(fmt::format("{}", fmt::join(row.hashes, " "))), row.plays(),
-                        row.whole, row.interrupted, row.frames, row.unseen, row.missed, row.damaged,
-                        csv_cell(row.exactness), csv_cell(row.panel), csv_cell(row.unit));
+    text +=
+        fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", row.day,
+                    csv_cell(row.item), csv_cell(fmt::format("{}", fmt::join(row.hashes, " "))),
+                    row.plays(), row.whole, row.interrupted, row.frames, row.unseen, row.missed,
+                    row.damaged, csv_cell(row.exactness), csv_cell(row.panel), csv_cell(row.unit),
+                    seconds_text(row, row.heard_ms), seconds_text(row, row.silent_ms),
+                    csv_cell(fmt::format("{}", fmt::join(row.sound_devices, " "))));
   return text;
 }
 

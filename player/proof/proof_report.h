@@ -55,7 +55,10 @@ struct ReportRow {
   std::string exactness = kNoExactness;  ///< the worst
   uint64_t whole = 0, interrupted = 0;   ///< plays
   uint64_t frames = 0, unseen = 0, missed = 0, damaged = 0;
+  uint64_t heard_ms = 0, silent_ms = 0;
+  std::set<std::string> sound_devices{};
   [[nodiscard]] uint64_t plays() const { return whole + interrupted; }
+  [[nodiscard]] bool has_sound() const { return heard_ms + silent_ms > 0; }
 };
 
 /// UnendedTurn is a turn without an end.
@@ -107,6 +110,7 @@ class ProofReport {
     if (!counts || !covers(proof.from_us)) return;
     ReportRow& row = row_of(proof.from_us, proof, entry.origin);
     if (!proof.hash.empty()) row.hashes.insert(proof.hash);
+    if (!proof.sound_device.empty()) row.sound_devices.insert(proof.sound_device);
     add_counts(proof, row);
   }
   /// Returns the sums. A turn without an end counts as an interrupted play, unless its player runs.
@@ -150,6 +154,8 @@ class ProofReport {
     row.unseen += counts.unseen;
     row.missed += counts.missed;
     row.damaged += counts.damaged;
+    row.heard_ms += counts.heard_ms;
+    row.silent_ms += counts.silent_ms;
   }
   struct Session {
     ProofOrigin origin;

@@ -652,7 +652,10 @@ class SteeredPlay {
   }
   /// Returns the account of an item's turn, if it is remembered.
   [[nodiscard]] std::optional<ItemAccount> account_of(uint64_t item) const {
-    return source_ == nullptr ? std::nullopt : source_->account_of(static_cast<uint32_t>(item));
+    if (source_ == nullptr) return std::nullopt;
+    std::optional<ItemAccount> account = source_->account_of(static_cast<uint32_t>(item));
+    if (account && plan_.sound) account->sound = plan_.sound->account_of(item);
+    return account;
   }
   /// Returns why the playback failed: an only item that failed, or a list without a playable item.
   /// Empty otherwise.

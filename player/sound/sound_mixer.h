@@ -48,6 +48,12 @@ struct SoundSlot {
   std::atomic<bool> needs_decoder{false};  ///< the ring will never have what is due
 };
 
+/// SoundTime is how long an item's sound was heard, and how long it was due and could not be
+/// played, in samples. Times of silence by the operator's wish are in neither.
+struct SoundTime {
+  std::atomic<uint64_t> item{SoundSlot::kNoItem}, heard{0}, silent{0};
+};
+
 struct SoundCounts {
   Counter underruns;  ///< times that the decoder was late
   Counter late;       ///< 1 while it is
@@ -102,8 +108,18 @@ class SoundMixer {
       *out++ += tail_[tail_at_++];
     std::ranges::transform(block, block.begin(), sample);
     counts_.playing.set(serial_ != 0 ? 1 : 0);
+    if (due.due) count(anchor.item, serial_ != 0 && counts_.late.get() == 0, kSoundBlock);
     turn_.fetch_add(1);
   }
+  /// Counts samples that no device plays.
+  void miss(Nanoseconds heard, uint64_t samples) noexcept {
+    turn_.fetch_add(1);
+    const SoundAnchor anchor = clock_.anchor.read();
+    if (place_at(anchor, heard).due) count(anchor.item, false, samples);
+    turn_.fetch_add(1);
+  }
+  /// Returns the place of an item's time, which the items that follow get in turn.
+  [[nodiscard]] SoundTime& time_of(uint64_t item) noexcept { return times_[item % times_.size()]; }
   /// Returns true if render() would find all samples, or none is due.
   [[nodiscard]] bool is_ready(Nanoseconds heard) noexcept {
     turn_.fetch_add(1);
@@ -147,6 +163,7 @@ class SoundMixer {
     ItemSamples* samples = nullptr;
     double at = 0.0;
     double speed = 1.0;  ///< samples of the film per sample that is heard
+    bool due = false;    ///< the item has sound at this time
   };
   /// Makes any float a sample, also not-a-number: the decoder is not trusted.
   static float sample(float x) noexcept {
@@ -157,13 +174,15 @@ class SoundMixer {
     if (anchor.due_ns == 0 || anchor.held != 0) return {};
     const auto slot = std::ranges::find(slots_, anchor.item,
                                         [](const SoundSlot& one) { return one.item.load(); });
-    ItemSamples* const samples = slot == slots_.end() ? nullptr : slot->samples.load();
-    if (samples == nullptr) return {};
+    if (slot == slots_.end()) return {};
+    ItemSamples* const samples = slot->samples.load();
+    if (samples == nullptr) return {.due = true};
     const auto since = [&](uint64_t ns) {
       return static_cast<double>(heard.count() - static_cast<int64_t>(ns)) * 1e-9;
     };
-    if (!samples->fps) return {.samples = samples, .at = since(anchor.begun_ns) * kSoundRate};
-    if (since(anchor.due_ns) > kLongestStall || !follows(anchor, *samples->fps)) return {};
+    if (!samples->fps)
+      return {.samples = samples, .at = since(anchor.begun_ns) * kSoundRate, .due = true};
+    if (!follows(anchor, *samples->fps)) return {};
     const double fps = samples->fps->hertz(), speed = speed_of(anchor) / fps;
     const auto round = static_cast<double>(anchor.round - samples->first_round);
     const double length = samples->frames > 0
@@ -177,7 +196,13 @@ class SoundMixer {
     const uint64_t rounds = slot->rounds.load();
     const double left = static_cast<double>(rounds) - static_cast<double>(samples->first_round);
     const bool over = rounds > 0 && length > 0.0 && at + samples->first >= left * length;
-    return never || over ? Place{} : Place{.samples = samples, .at = at, .speed = speed};
+    if (over || never || since(anchor.due_ns) > kLongestStall) return {.due = !over};
+    return {.samples = samples, .at = at, .speed = speed, .due = true};
+  }
+  void count(uint64_t item, bool heard, uint64_t samples) noexcept {
+    SoundTime& time = time_of(item);
+    if (time.item.load() == item && volume_db.load() > kLeastVolumeDb)
+      (heard ? time.heard : time.silent).fetch_add(samples);
   }
   static double speed_of(const SoundAnchor& anchor) noexcept {
     return static_cast<double>(anchor.numerator) / static_cast<double>(anchor.denominator);
@@ -247,6 +272,7 @@ class SoundMixer {
 
   const SoundClock& clock_;
   std::array<SoundSlot, 16> slots_;
+  std::array<SoundTime, TurnLog::kKept> times_;
   std::atomic<uint64_t> turn_{0};  ///< odd while the mixer may use samples
   SoundCounts counts_;
   std::array<std::array<float, kTaps>, kPhases + 1> filter_{};

@@ -26,7 +26,9 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr std::chrono::seconds kTryDeviceAgain{2};  ///< time until a missing device is tried again
-constexpr int kSoundPriority = 9;                   ///< below that of the presenter
+constexpr std::chrono::milliseconds kMissedStep{100};  ///< without a device
+constexpr uint64_t kMissedSamples = kSoundRate / 10;
+constexpr int kSoundPriority = 9;                          ///< below that of the presenter
 constexpr auto kSourceTimeout = std::chrono::seconds(10);  ///< real time, in simulated time
 constexpr int kMostRestarts = 3;                           ///< less than a minute apart
 constexpr int kMostLateLooks = 5;                          ///< seconds without a sample
@@ -93,8 +95,13 @@ struct SoundPlayer::Item {
   Item& operator=(const Item&) = delete;
 
   void begin(uint64_t as_number, uint64_t rounds) {
-    number.store(as_number);
+    const bool begins = number.exchange(as_number) != as_number;
     if (slot == nullptr) return;
+    if (SoundTime& time = player.mixer_.time_of(as_number); begins) {
+      time.item.store(as_number);
+      time.heard.store(0);
+      time.silent.store(0);
+    }
     slot->rounds.store(rounds);
     slot->item.store(as_number);
   }
@@ -292,8 +299,12 @@ void SoundPlayer::run(const std::stop_token& stop) noexcept {
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
     // A device that was lost is not opened at once: it may fail again and again.
-    if (device_ == nullptr)
-      std::condition_variable_any().wait_for(lock, stop, kTryDeviceAgain, [] { return false; });
+    for (auto waited = kMissedStep;
+         device_ == nullptr && waited <= kTryDeviceAgain && !stop.stop_requested();
+         waited += kMissedStep) {
+      std::condition_variable_any().wait_for(lock, stop, kMissedStep, [] { return false; });
+      mixer_.miss(Nanoseconds(SteadyClock::now().time_since_epoch()), kMissedSamples);
+    }
   }
 }
 
@@ -358,6 +369,14 @@ nlohmann::ordered_json SoundPlayer::statistics() const {
                {"decoder_restarts", restarts_},
                {"problem", problem_}});
   return json;
+}
+
+std::optional<SoundAccount> SoundPlayer::account_of(uint64_t number) {
+  constexpr uint64_t kPerMs = kSoundRate / 1000;
+  const SoundTime& time = mixer_.time_of(number);
+  if (time.item.load() != number) return std::nullopt;
+  const std::lock_guard lock(mutex_);
+  return SoundAccount{time.heard.load() / kPerMs, time.silent.load() / kPerMs, device_name_};
 }
 
 // --- files ---------------------------------------------------------------------------------------

@@ -23,6 +23,7 @@
 
 #include "frames/frame_source.h"
 #include "player/playlist/playlist.h"
+#include "player/playlist/playlist_reporter.h"
 #include "player/sound/sound_device.h"
 #include "player/sound/sound_mixer.h"
 #include "player/sources/video_probe.h"
@@ -80,6 +81,8 @@ class SoundPlayer : public std::enable_shared_from_this<SoundPlayer> {
   /// second.
   void look() noexcept;
   [[nodiscard]] nlohmann::ordered_json statistics() const;
+  /// Returns what was heard of an item so far; none for an item without sound. On any thread.
+  [[nodiscard]] std::optional<SoundAccount> account_of(uint64_t number);
 
  private:
   struct Item;

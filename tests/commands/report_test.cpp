@@ -88,6 +88,18 @@ TEST_F(Report, CountsTheItemsThatPlayersHavePlayed) {
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3) << csv;
 }
 
+TEST_F(Report, SaysHowLongTheSoundOfAnItemWasHeard) {
+  write_list();
+  play_once({"--proof", "off", "--sound-device", "file:" + path("a.wav")});  // is beside a.lts now
+  write("day.toml", "[[item]]\nsource = \"a.lts\"\nloops = 8\n[[item]]\nsource = \"b.lts\"\n");
+  play_once({"--proof", "journal", "--sound-device", "file:" + path("out.wav")});
+  ASSERT_TRUE(row_has("a.lts", "plays", 8));
+  const json sound = row("a.lts")["sound"];
+  EXPECT_GT(sound["heard_s"], 0.0) << sound;
+  EXPECT_EQ(sound["devices"], json::array({"file:" + path("out.wav")}));
+  EXPECT_FALSE(row("b.lts").contains("sound"));
+}
+
 TEST_F(Report, NamesTheItemThatAKilledPlayerWasPlaying) {
   write_sequence(path("long.lts"), path("rig.toml"), 0, 6);
   write_list("[[item]]\nsource = \"long.lts\"\nloops = " + std::to_string(kLongFilm) + "\n");

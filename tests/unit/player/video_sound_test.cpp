@@ -199,6 +199,26 @@ TEST_F(FilmSound, ADeviceThatIsLostAtOnceIsNotOpenedWithoutAPause) {
   EXPECT_TRUE(player->statistics()["device"].is_null());
 }
 
+TEST_F(FilmSound, TimeWithoutADeviceIsCountedAsSilent) {
+  write_film("film.mkv", "-c:a flac");
+  SoundOptions options{.device = "auto"};
+  options.program = LENTICULE_VIDEO_PROGRAM;
+  options.open = []() -> std::unique_ptr<SoundDevice> {
+    throw Error(ErrorKind::Device, "no device");
+  };
+  player = std::make_shared<SoundPlayer>(options);
+  player->start("");
+  const auto sound = open(film("film.mkv"));
+  sound(3, kForever);
+  anchor.item = 3;
+  anchor.due_ns = static_cast<uint64_t>(
+      Nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count());
+  player->clock().anchor.publish(anchor);
+  EXPECT_TRUE(test::comes_true([&] { return player->account_of(3)->silent_ms > 0; }));
+  EXPECT_EQ(player->account_of(3)->heard_ms, 0U);
+  EXPECT_EQ(player->account_of(3)->device, "");
+}
+
 TEST_F(FilmSound, AFileBesideAFilmIsItsSound) {
   write_film("both.mkv", "-c:a flac");
   ffmpeg("-i both.mkv -vn -c:a copy film.flac");
@@ -209,6 +229,12 @@ TEST_F(FilmSound, AFileBesideAFilmIsItsSound) {
   sound(7, kForever);
   for (uint64_t round = 0; round < 3; ++round) show(7, round, 0, 45);  // of 60
   EXPECT_EQ(clicks().size(), 3U);
+  const auto account = player->account_of(7);
+  ASSERT_TRUE(account);
+  EXPECT_NEAR(static_cast<double>(account->heard_ms), 4500.0, 150.0);
+  EXPECT_LT(account->silent_ms, 100U) << "two jumps";
+  EXPECT_EQ(account->device, player->statistics()["device"]);
+  EXPECT_FALSE(player->account_of(6)) << "has no sound";
   EXPECT_EQ(player->statistics()["source"], file("film.flac").string());
 }
 

@@ -16,6 +16,9 @@ ProofEntry full_entry() {
   entry.missed = 5;
   entry.damaged = 6;
   entry.interrupted = 7;
+  entry.heard_ms = 8;
+  entry.silent_ms = 9;
+  entry.sound_device = "plughw:0,3";
   return entry;
 }
 
@@ -43,6 +46,11 @@ TEST(ProofEntry, IsReadAsItWasWritten) {
   EXPECT_EQ(parsed(journal_fields(unknown_hash)), unknown_hash);
 }
 
+TEST(ProofEntry, SaysNothingOfTheSoundOfAnItemWithoutSound) {
+  for (const std::string& field : journal_fields(whole_play(1, "a.lts")))
+    EXPECT_FALSE(field.starts_with("LENTICULE_SOUND_")) << field;
+}
+
 TEST(ProofEntry, HasAMessageForPeopleInOneLine) {
   const std::string message = journal_fields(full_entry()).front();
   EXPECT_EQ(message,
@@ -52,7 +60,7 @@ TEST(ProofEntry, HasAMessageForPeopleInOneLine) {
 
 TEST(ProofEntry, RefusesEachMissingField) {
   for (const std::string name : proof_field_names()) {
-    const bool may_be_missing = name == "LENTICULE_HASH";
+    const bool may_be_missing = name == "LENTICULE_HASH" || name.starts_with("LENTICULE_SOUND_");
     EXPECT_EQ(parsed(with(name, "")).has_value(), may_be_missing) << name;
   }
 }
@@ -63,6 +71,7 @@ TEST(ProofEntry, RefusesWrongValues) {
         "LENTICULE_SESSION=0123456789ABCDEF0123456789abcdef", "LENTICULE_ITEM=", "LENTICULE_TURN=0",
         "LENTICULE_TURN=-1", "LENTICULE_FRAMES_SHOWN=1e9", "LENTICULE_FRAMES_SHOWN=24 ",
         "LENTICULE_FRAMES_SHOWN=18446744073709551616", "LENTICULE_MISSED=1000000000000001",
+        "LENTICULE_SOUND_HEARD_MS=1.5", "LENTICULE_SOUND_SILENT_MS=1000000000000001",
         "LENTICULE_FROM_USEC=0", "LENTICULE_UNTIL_USEC=5",
         "LENTICULE_UNTIL_USEC=9223372036854775807"}) {
     EXPECT_FALSE(parsed(with(field.substr(0, field.find('=')), field))) << field;

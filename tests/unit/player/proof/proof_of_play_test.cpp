@@ -94,6 +94,30 @@ TEST_F(Proof, AnItemGetsAnEntryAtItsStartAndAtItsEnd) {
   EXPECT_EQ(entries[2].turn, 2u);
 }
 
+TEST_F(Proof, EachEntryHasTheSoundSinceTheOneBefore) {
+  account(1, "a.mkv").sound = {.heard_ms = 5, .device = "plughw:0,3"};
+  account(2, "b.lts");
+  flip(1, 0, 1000);
+  update();
+  accounts[1].sound = {.heard_ms = 1200, .silent_ms = 300, .device = "plughw:0,3"};
+  flip(1, 1, 11 * kMinuteNs);
+  update();
+  EXPECT_EQ(last().event, Event::Continues);
+  EXPECT_EQ(last().heard_ms, 1200u);
+  EXPECT_EQ(last().silent_ms, 300u);
+  accounts[1].sound = {.heard_ms = 1200, .silent_ms = 800};
+  flip(2, 0, 12 * kMinuteNs);
+  update();
+  ASSERT_EQ(entries.size(), 4u);
+  EXPECT_EQ(entries[2].event, Event::Ended);
+  EXPECT_EQ(entries[2].heard_ms, 0u);
+  EXPECT_EQ(entries[2].silent_ms, 500u);
+  EXPECT_EQ(entries[2].sound_device, "plughw:0,3") << "the last one that was heard";
+  finish(13 * kMinuteNs);
+  EXPECT_EQ(last().heard_ms + last().silent_ms, 0u);
+  EXPECT_EQ(last().sound_device, "");
+}
+
 TEST_F(Proof, ManyShortTurnsBetweenTwoCallsAreAllWritten) {
   for (uint64_t item = 1; item <= TurnLog::kKept; ++item) {
     account(item, "a");

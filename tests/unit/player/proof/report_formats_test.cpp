@@ -20,17 +20,17 @@ ProofSummary summary_of(const std::vector<ProofEntry>& entries) {
 TEST(ReportFormats, TheTableHasARowPerItemAndATotal) {
   ProofEntry second = whole_play(2, "grün.lts");
   second.frames = 100;
+  second.heard_ms = 3'599'960;
+  second.silent_ms = 250;
   EXPECT_EQ(table_text(summary_of({whole_play(1, "wave.lts"), second})),
-            "day         item      plays  whole  interrupted  frames  missed  damaged  exactness  "
-            "panel      "
-            " unit\n"
-            "2026-10-24  grün.lts      1      1            0     100       0        0  yes        "
-            "LGD 0x1234"
-            "  lenticule-player@lobby.service\n"
-            "2026-10-24  wave.lts      1      1            0      24       0        0  yes        "
-            "LGD 0x1234"
-            "  lenticule-player@lobby.service\n"
-            "total                     2      2            0     124       0        0  yes\n");
+            "day         item      plays  whole  interrupted  frames  missed  damaged  heard s  "
+            "silent s  exactness  panel       unit\n"
+            "2026-10-24  grün.lts      1      1            0     100       0        0   3600.0  "
+            "     0.2  yes        LGD 0x1234  lenticule-player@lobby.service\n"
+            "2026-10-24  wave.lts      1      1            0      24       0        0           "
+            "          yes        LGD 0x1234  lenticule-player@lobby.service\n"
+            "total                     2      2            0     124       0        0   3600.0  "
+            "     0.2  yes\n");
 }
 
 TEST(ReportFormats, TheTableNamesInterruptedItemsUnseenFramesAndIgnoredEntries) {
@@ -51,8 +51,28 @@ TEST(ReportFormats, AnEmptyReportSaysSo) {
   EXPECT_EQ(table_text(summary_of({})), "no plays are recorded for this time\n");
   EXPECT_EQ(csv_text(summary_of({})),
             "day,item,hashes,plays,whole,interrupted,frames,unseen,missed,damaged,exactness,panel,"
-            "unit\n");
+            "unit,heard_s,silent_s,sound_devices\n");
   EXPECT_EQ(to_json(summary_of({}))["rows"].size(), 0u);
+}
+
+TEST(ReportFormats, SoundIsSummedAndAbsentWithoutSound) {
+  ProofEntry first = whole_play(1, "a.mkv"), second = whole_play(2, "a.mkv");
+  first.heard_ms = 1500;
+  second.heard_ms = 500;
+  second.silent_ms = 750;
+  first.sound_device = "plughw:0,3";
+  second.sound_device = "default";
+  const ProofSummary summary = summary_of({first, second, whole_play(3, "b.lts")});
+  const std::string csv = csv_text(summary);
+  EXPECT_NE(csv.find(".service,2.0,0.8,\"default plughw:0,3\"\n"), std::string::npos) << csv;
+  EXPECT_TRUE(csv.ends_with(".service,,,\n")) << csv;
+  const nlohmann::ordered_json json = to_json(summary);
+  const nlohmann::ordered_json sound = json["rows"][0]["sound"];
+  EXPECT_EQ(sound["heard_s"], 2.0);
+  EXPECT_EQ(sound["silent_s"], 0.75);
+  EXPECT_EQ(sound["devices"].size(), 2u);
+  EXPECT_EQ(json["total"]["sound"]["heard_s"], 2.0);
+  EXPECT_FALSE(json["rows"][1].contains("sound"));
 }
 
 TEST(ReportFormats, HostileTextsReachNeitherTerminalNorSpreadsheet) {

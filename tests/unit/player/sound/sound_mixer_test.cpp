@@ -119,7 +119,11 @@ class Sound : public testing::Test {
     SoundSlot& slot = mixer.slots()[items.size() - 1];
     slot.samples.store(&made);
     slot.item.store(item);
+    mixer.time_of(item).item.store(item);
   }
+  /// Returns the seconds in which the sound of item 0 was heard, and in which it was missing.
+  [[nodiscard]] double heard_s() { return static_cast<double>(mixer.time_of(0).heard) / 48'000; }
+  [[nodiscard]] double silent_s() { return static_cast<double>(mixer.time_of(0).silent) / 48'000; }
   /// Writes what a decoder would write.
   void decode() {
     for (auto& [item, made] : items) {
@@ -285,6 +289,8 @@ TEST_F(Sound, IsSilentDuringAPauseAndContinuesWithThePicture) {
   EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
   EXPECT_EQ(panel->flashes.size(), 40U);
   EXPECT_LT(worst(), kMost);
+  EXPECT_NEAR(heard_s(), 10.0, 0.1);
+  EXPECT_EQ(silent_s(), 0.0);
   for (const double paused : {2.5, 6.0}) {
     const auto at = static_cast<size_t>((paused + panel->begin - heard_from) * kSoundRate);
     EXPECT_EQ(heard[at], 0.0F) << paused;
@@ -331,6 +337,7 @@ TEST_F(Sound, IsSilentAtAnotherSpeed) {
   FlashSource source;
   EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
   EXPECT_TRUE(std::ranges::all_of(heard, [](float x) { return x == 0.0F; }));
+  EXPECT_EQ(heard_s() + silent_s(), 0.0) << "that is no fault";
 }
 
 TEST_F(Sound, ALateDecoderIsSilenceAndTheFilmGoesOn) {
@@ -346,6 +353,8 @@ TEST_F(Sound, ALateDecoderIsSilenceAndTheFilmGoesOn) {
   EXPECT_EQ(result.report.pace.underruns + result.report.pace.missed, 0U);
   EXPECT_EQ(mixer.counts().underruns.get(), 1U);
   EXPECT_LT(worst(7.0), 0.001) << "in step again once the decoder goes on";
+  EXPECT_NEAR(silent_s(), 3.0, 0.1) << "the ring has a second more";
+  EXPECT_NEAR(heard_s() + silent_s(), 10.0, 0.1);
 }
 
 TEST_F(Sound, TheLengthOfARoundIsKnownThoughItsLastFrameIsDroppedOnce) {
