@@ -238,6 +238,23 @@ TEST_F(FilmSound, AFileBesideAFilmIsItsSound) {
   EXPECT_EQ(player->statistics()["source"], file("film.flac").string());
 }
 
+TEST_F(FilmSound, AFileBesideNumberedPicturesIsTheirSound) {
+  write_film("both.mkv", "-c:a flac");
+  ffmpeg("-i both.mkv -vn film.wav");
+  for (const std::string pictures : {"film_%05d.png", "film/%05d.png", "film-%d.jpg"}) {
+    heard.clear();
+    anchor.due_ns = 0;
+    start();
+    const auto sound = open(film(pictures));
+    ASSERT_NE(sound, nullptr) << pictures;
+    sound(7, kForever);
+    show(7, 0, 0, 45);  // of 60
+    EXPECT_EQ(clicks().size(), 1U) << pictures;
+    EXPECT_EQ(player->statistics()["source"], file("film.wav").string());
+  }
+  EXPECT_EQ(open(film("other_%05d.png")), nullptr);
+}
+
 TEST_F(FilmSound, BeginsInTheMiddleAfterASeek) {
   write_film("film.mkv", "-c:a flac");
   start();
