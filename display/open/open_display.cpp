@@ -67,7 +67,9 @@ std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
        .refresh = spec.refresh,
        .buffers = request.buffers,
        .clock = request.clock,
-       .event_delay = uniform_jitter(std::chrono::microseconds(spec.jitter_us), spec.seed),
+       .event_delay = spec.jitter_us > 0
+                          ? uniform_jitter(std::chrono::microseconds(spec.jitter_us), spec.seed)
+                          : nullptr,
        .recorder = request.recorder});
 }
 

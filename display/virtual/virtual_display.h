@@ -16,6 +16,7 @@
 #include <mutex>
 #include <new>
 #include <optional>
+#include <random>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -29,22 +30,14 @@
 
 namespace lenticule::display {
 
-/// Returns one round of the SplitMix64 generator: a random number per vblank, independent of the
-/// order of requests.
-inline uint64_t scramble(uint64_t value) noexcept {
-  value += 0x9E3779B97F4A7C15u;
-  value = (value ^ value >> 30) * 0xBF58476D1CE4E5B9u;
-  value = (value ^ value >> 27) * 0x94D049BB133111EBu;
-  return value ^ value >> 31;
-}
-
 /// Returns the delay of a vblank's event. Called once per event, on the presenter thread.
 using EventDelay = std::function<Nanoseconds(uint64_t sequence)>;
 
-/// Returns delays of 0 ... `most`, uniformly; deterministic for a given seed.
+/// Returns delays of 0 ... `most`, uniformly; the same for a seed, in any order of requests.
 inline EventDelay uniform_jitter(Nanoseconds most, uint64_t seed) {
   return [choices = static_cast<uint64_t>(most.count()) + 1, seed](uint64_t sequence) {
-    return Nanoseconds(static_cast<int64_t>(scramble(seed ^ scramble(sequence)) % choices));
+    std::seed_seq seeds{seed >> 32, seed, sequence >> 32, sequence};
+    return Nanoseconds(static_cast<int64_t>(std::mt19937_64(seeds)() % choices));
   };
 }
 

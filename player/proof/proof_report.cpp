@@ -98,11 +98,8 @@ size_t width_of(const std::string& text) {
 
 constexpr size_t kFirstNumber = 2, kLastNumber = 9;  // these columns are aligned to the right
 
-double seconds_of(uint64_t ms) {
-  return static_cast<double>(ms) / 1000.0;
-}
 std::string seconds_text(const ReportRow& row, uint64_t ms) {
-  return row.has_sound() ? fmt::format("{:.1f}", seconds_of(ms)) : "";
+  return row.has_sound() ? fmt::format("{:.1f}", static_cast<double>(ms) / 1e3) : "";
 }
 
 Cells cells_of(const ReportRow& row) {
@@ -161,8 +158,8 @@ ordered_json counts_of(const ReportRow& row) {
                        {"unseen", row.unseen},           {"missed", row.missed},
                        {"damaged", row.damaged},         {"exactness", row.exactness}};
   if (row.has_sound())
-    json["sound"] = {{"heard_s", seconds_of(row.heard_ms)},
-                     {"silent_s", seconds_of(row.silent_ms)},
+    json["sound"] = {{"heard_s", static_cast<double>(row.heard_ms) / 1e3},
+                     {"silent_s", static_cast<double>(row.silent_ms) / 1e3},
                      {"devices", row.sound_devices}};
   return json;
 }

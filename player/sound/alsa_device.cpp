@@ -131,9 +131,7 @@ PanelSound choose_sound(const std::optional<PanelCode>& panel,
     return {.problem = "the machine has no sound card",
             .remedy = "load its driver, which is snd_hda_intel on most machines"};
   return {.problem = "no sound card says that one of its outputs has this panel (ELD)",
-          .remedy =
-              "use a panel, a cable and a port with sound, and play: some drivers say so "
-              "only while the output is on"};
+          .remedy = "use a panel, a cable and a port with sound, and look while it is on"};
 }
 
 PanelSound sound_of_panel(const std::string& connector) {

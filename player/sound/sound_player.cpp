@@ -25,9 +25,8 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-constexpr std::chrono::seconds kTryDeviceAgain{2};  ///< time until a missing device is tried again
-constexpr std::chrono::milliseconds kMissedStep{100};  ///< without a device
-constexpr uint64_t kMissedSamples = kSoundRate / 10;
+constexpr int kStepsToTryAgain = 20;  ///< steps until a missing device is tried again
+constexpr std::chrono::milliseconds kMissedStep{100};      ///< without a device
 constexpr int kSoundPriority = 9;                          ///< below that of the presenter
 constexpr auto kSourceTimeout = std::chrono::seconds(10);  ///< real time, in simulated time
 constexpr int kMostRestarts = 3;                           ///< less than a minute apart
@@ -299,11 +298,9 @@ void SoundPlayer::run(const std::stop_token& stop) noexcept {
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
     // A device that was lost is not opened at once: it may fail again and again.
-    for (auto waited = kMissedStep;
-         device_ == nullptr && waited <= kTryDeviceAgain && !stop.stop_requested();
-         waited += kMissedStep) {
+    for (int k = 0; device_ == nullptr && k < kStepsToTryAgain && !stop.stop_requested(); ++k) {
       std::condition_variable_any().wait_for(lock, stop, kMissedStep, [] { return false; });
-      mixer_.miss(Nanoseconds(SteadyClock::now().time_since_epoch()), kMissedSamples);
+      mixer_.miss(Nanoseconds(SteadyClock::now().time_since_epoch()), kSoundRate / 10);
     }
   }
 }

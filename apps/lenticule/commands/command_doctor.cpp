@@ -149,13 +149,11 @@ Run declare_doctor(CLI::App& app) {
   app.add_flag("--json", flags->json, "print everything as JSON");
   return [flags]() -> ExitCode {
     const nlohmann::json json = examine(*flags);
-    if (flags->json) {
-      print_json(json);
-    } else {
-      print_cards(json["cards"]);
-      print_tiled_panels(json["tiled_panels"]);
-      for (const auto& output : json["outputs"]) print_output(output);
-    }
+    print_result(json, flags->json, [](const nlohmann::json& all) {
+      print_cards(all["cards"]);
+      print_tiled_panels(all["tiled_panels"]);
+      for (const auto& output : all["outputs"]) print_output(output);
+    });
     if (json["cards"].empty())
       throw Error(
           ErrorKind::Device, "no graphics card was found",

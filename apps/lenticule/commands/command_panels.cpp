@@ -112,10 +112,7 @@ Run declare_panels(CLI::App& app) {
     const std::vector<NamedRig> rigs = load_rigs(flags->rigs);
     const nlohmann::json json =
         panels_as_json(display::inspect_cards(display::make_direct_session()), rigs);
-    if (flags->json)
-      print_json(json);
-    else
-      print_text(json);
+    print_result(json, flags->json, print_text);
     if (!json["panels"].empty()) return kOk;
     throw Error(
         ErrorKind::Device, "no graphics card with an output was found",
