@@ -370,12 +370,12 @@ class Collection {
   bool is_enough(const calib::Calibration& found) {
     for (const calib::SetAside& one : found.set_aside)
       say("{}: set aside: {}\n", one.photograph, one.reason);
-    if (HandHeldPhotos::agree(found))
+    const size_t count = found.viewpoints.size();
+    if (HandHeldPhotos::agree(found)) {
       errors_ +=
           fmt::format("{}{:.3f}", errors_.empty() ? "" : ", then ", found.drift.worst_lenses);
-    const size_t count = found.viewpoints.size();
-    if (!errors_.empty())
       say("{} photographs count; error anywhere in the viewing zone: {} lens\n", count, errors_);
+    }
     for (const std::string& reason : found.reasons) say("not yet: {}\n", reason);
     if (found.verdict != calib::Verdict::Intrinsic) return false;
     if (count >= static_cast<size_t>(flags_.least)) return true;
