@@ -125,7 +125,7 @@ void make_ray(const RowPiece& p, int column, float off, float* x, float* tan) {
 
 // --- cells
 
-/// Transposes.
+/// Transposes a square of kBlock times kBlock elements.
 inline void transpose(Eight (&v)[kBlock]) {
   Eight a[kBlock];
   for (int n = 0; n < 4; ++n) {

@@ -19,7 +19,7 @@ inline constexpr int kMostCoefficients = 8;
 inline constexpr int kShiftCoefficients = 4;
 inline constexpr int kColours = 3;
 
-/// RowPiece is one row of an TileOptics::Tile whose columns are not sheared.
+/// RowPiece is one row of a TileOptics::Tile whose columns are not sheared.
 struct RowPiece {
   double phase[kColours][3];
   float bend[kColours][3];

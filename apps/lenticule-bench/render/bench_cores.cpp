@@ -2,7 +2,6 @@
 // lenticule bench cores says how many times as fast method adaptive is on many cores. It measures
 // the processor time of each item of a frame's parallel loops, on one core, and simulates how more
 // cores share them; what lies between the loops is serial. Real frames on two threads stand beside.
-#include <fmt/format.h>
 #include <oneapi/tbb/global_control.h>
 
 #include <CLI/CLI.hpp>

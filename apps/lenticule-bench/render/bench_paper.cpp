@@ -11,7 +11,6 @@
 #include <filesystem>
 #include <memory>
 #include <numeric>
-#include <string_view>
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"

@@ -1335,8 +1335,8 @@ void promise_psnr(double db, RenderOptions& options) {
     throw Error(ErrorKind::Usage, fmt::format("--psnr {}: not in {} ... {} dB", db, kLeast, kMost),
                 "40 is a good compromise; --error 0 is exact");
   options.proven_rmse = 255.0 / std::pow(10.0, db / 20.0);
-  // A third of the mean square is left for errors that the audit could not see. A larger error
-  // saves little more, and gives frames that need bands of method full to keep the promise.
+  // Half of the mean square is left for errors that the audit could not see. A larger error saves
+  // little more, and gives frames that need bands of method full to keep the promise.
   options.tolerated_error = options.proven_rmse;
 }
 
