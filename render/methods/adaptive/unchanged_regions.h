@@ -43,8 +43,7 @@ struct SceneObjects {
 
   SceneObjects() = default;
   explicit SceneObjects(const Scene& scene)
-      : known(true),
-        rest(rest_of(scene)),
+      : rest(rest_of(scene)),
         textures(scene.textures),
         environment(scene.backdrop.environment) {
     objects.reserve(scene.meshes.size() + scene.spheres.size() + scene.cones.size());
@@ -73,7 +72,6 @@ struct SceneObjects {
     });
   }
 
-  bool known = false;
   Fingerprint rest;             ///< all other scene data, except texture pixels
   std::vector<Object> objects;  ///< meshes, spheres, cones
   std::vector<std::shared_ptr<const Texture>> textures;
@@ -82,7 +80,7 @@ struct SceneObjects {
 
 /// Returns true if the scenes are equal except for individual objects (meshes, spheres, cones).
 [[nodiscard]] inline bool differ_in_objects_only(const SceneObjects& a, const SceneObjects& b) {
-  return a.known && b.known && a.rest == b.rest && a.objects.size() == b.objects.size() &&
+  return a.rest == b.rest && a.objects.size() == b.objects.size() &&
          std::ranges::equal(a.textures, b.textures, same_texture) &&
          same_texture(a.environment, b.environment);
 }
