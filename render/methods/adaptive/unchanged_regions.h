@@ -43,9 +43,7 @@ struct SceneObjects {
 
   SceneObjects() = default;
   explicit SceneObjects(const Scene& scene)
-      : rest(rest_of(scene)),
-        textures(scene.textures),
-        environment(scene.backdrop.environment) {
+      : rest(rest_of(scene)), textures(scene.textures), environment(scene.backdrop.environment) {
     objects.reserve(scene.meshes.size() + scene.spheres.size() + scene.cones.size());
     const auto add_all = [&](const auto& shapes, const auto& mix) {
       for (const auto& shape : shapes) {
