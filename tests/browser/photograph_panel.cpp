@@ -5,8 +5,6 @@
 //     writes the rig that the panel's owner assumes
 //   photograph_panel photo SHOWN.png PHOTO.jpg N
 //     photographs the panel that shows a frame, from place N
-//   photograph_panel cut SHOWN.png PHOTO.jpg N
-//     does the same with a part of the panel out of the picture
 //   photograph_panel error RIG.toml
 //     prints the largest phase error of a rig, in lenses
 
@@ -30,17 +28,16 @@ int main(int argc, char** argv) {
       optics::save_rig(phone.start(), words[1]);
       return 0;
     }
-    if ((action == "photo" || action == "cut") && words.size() == 4) {
+    if (action == "photo" && words.size() == 4) {
       phone.photograph(frames::read_woven(words[1]), number_from<size_t>(words[3]).value_or(0),
-                       words[2], action == "cut");
+                       words[2]);
       return 0;
     }
     if (action == "error" && words.size() == 2) {
       print_out("{:.4f}\n", phone.error_of(optics::load_rig(words[1])));
       return 0;
     }
-    say("usage: photograph_panel rig RIG.toml | photo SHOWN.png PHOTO.jpg N | cut SHOWN.png "
-        "PHOTO.jpg N | error RIG.toml\n");
+    say("usage: photograph_panel rig RIG.toml | photo SHOWN.png PHOTO.jpg N | error RIG.toml\n");
   } catch (const std::exception& error) {
     say("photograph_panel: {}\n", std::string(error.what()));
   }
