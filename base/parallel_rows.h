@@ -3,29 +3,26 @@
 #pragma once
 
 #include <algorithm>
-#include <atomic>
 #include <thread>
-#include <vector>
+
+#include "base/worker_threads.h"
 
 namespace lenticule {
 
 /// Calls work(begin, end) for ranges of rows until all rows in [0, rows) are done. Uses `threads`
-/// threads in total, including the calling one; 0 = one per processor, at most 16. `work` must not
-/// throw.
+/// threads in total, including the calling one; 0 = one per processor, at most 16. Rethrows an
+/// exception of `work`.
 template <class Work>
 void for_row_ranges(int rows, const Work& work, int threads = 0) {
   constexpr int kChunk = 8;
   constexpr int kMostThreads = 16;
-  std::atomic<int> next{0};
-  const auto take = [&]() noexcept {
-    for (int begin = next.fetch_add(kChunk); begin < rows; begin = next.fetch_add(kChunk))
-      work(begin, std::min(rows, begin + kChunk));
-  };
   const auto processors = static_cast<int>(std::thread::hardware_concurrency());
   const int wanted = threads > 0 ? threads : std::clamp(processors, 1, kMostThreads);
-  std::vector<std::jthread> helpers;
-  for (int n = 1; n < wanted && rows > kChunk; ++n) helpers.emplace_back(take);
-  take();
+  const int chunks = (rows + kChunk - 1) / kChunk;
+  WorkerThreads(std::clamp(chunks, 1, wanted))
+      .run(chunks, [rows, &work](int chunk, int /*worker*/) {
+        work(chunk * kChunk, std::min(rows, (chunk + 1) * kChunk));
+      });
 }
 
 /// Calls row(j) for every row, distributed as in for_row_ranges().

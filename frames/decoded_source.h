@@ -16,7 +16,9 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -67,11 +69,7 @@ class DecodedSource : public FrameSource {
   static constexpr int kMaxDecoderThreads = 64;
 
   ~DecodedSource() override {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-    }
-    slot_freed_.notify_all();
+    for (std::jthread& thread : threads_) thread.request_stop();  // all, before one is awaited
   }
   DecodedSource(const DecodedSource&) = delete;
   DecodedSource& operator=(const DecodedSource&) = delete;
@@ -147,7 +145,12 @@ class DecodedSource : public FrameSource {
     round_end_ = rounds_.last - rounds_.first;
     make_slots();
     const int threads = std::clamp(rounds_.decoder_threads, 1, kMaxDecoderThreads);
-    for (int t = 0; t < threads; ++t) threads_.emplace_back([this, t] { decode_ahead(t); });
+    try {
+      for (int t = 0; t < threads; ++t)
+        threads_.emplace_back([this, t](const std::stop_token& stop) { decode_ahead(t, stop); });
+    } catch (const std::system_error&) {  // the limit of threads
+      if (threads_.empty()) throw;
+    }
   }
   [[nodiscard]] const FrameDecoding& decoding() const { return *decoding_; }
 
@@ -189,11 +192,10 @@ class DecodedSource : public FrameSource {
     for (size_t slot = slots_.size(); slot-- > 0;) free_.push_back(slot);
     order_.resize(slots_.size());
   }
-  void decode_ahead(int thread) {
+  void decode_ahead(int thread, const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
-    while (true) {
-      slot_freed_.wait(lock, [this] { return stopping_ || can_decode_next(); });
-      if (stopping_) return;
+    while (slot_freed_.wait(lock, stop, [this] { return can_decode_next(); }) &&
+           !stop.stop_requested()) {
       const uint64_t ticket = next_decode_++;
       order_[ticket % slots_.size()] = free_.back();
       free_.pop_back();
@@ -228,7 +230,7 @@ class DecodedSource : public FrameSource {
   bool resident_ = false;  ///< every frame has its own slot and stays there
 
   mutable std::mutex mutex_;
-  std::condition_variable slot_freed_;
+  std::condition_variable_any slot_freed_;
   std::vector<Slot> slots_;
   std::vector<size_t> free_;   ///< indices of the free slots
   std::vector<size_t> order_;  ///< index of the slot of ticket t, at t mod slots
@@ -239,7 +241,6 @@ class DecodedSource : public FrameSource {
   int decoding_now_ = 0;
   bool broken_ = false;  ///< a frame failed, so no further frame is decoded
   bool failed_ = false;  ///< the failed frame was pulled
-  bool stopping_ = false;
 
   std::unique_ptr<FrameDecoding> decoding_;
   std::vector<std::jthread> threads_;  // last member: the threads use everything above

@@ -25,6 +25,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/unique_fd.h"
+#include "base/worker_threads.h"
 #include "frames/frame.h"
 #include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_format.h"
@@ -320,7 +321,7 @@ class SequenceWriter {
   UniqueFd fd_;
   SequenceLayout layout_;
   int max_error_;
-  BandWorkers workers_;
+  WorkerThreads workers_;
   std::vector<Coders> coders_;
   PredictorTable predictors_;
   std::vector<Band> bands_;

@@ -14,9 +14,9 @@
 #include <span>
 #include <vector>
 
+#include "base/worker_threads.h"
 #include "frames/frame.h"
 #include "frames/quilt.h"
-#include "frames/sequence/band_codec.h"
 
 namespace lenticule::frames {
 
@@ -86,7 +86,7 @@ class DepthViews {
   std::vector<double> disparity_of_code_;
   std::vector<WovenFrame> pictures_;
   std::vector<FrameView> views_;
-  BandWorkers workers_;
+  WorkerThreads workers_;
   std::vector<std::unique_ptr<Scratch>> scratches_;
 };
 

@@ -8,18 +8,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <condition_variable>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <functional>
 #include <memory>
-#include <mutex>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "base/cpu.h"
 #include "base/error.h"
+#include "base/worker_threads.h"
 #include "frames/frame.h"
 #include "frames/quilt.h"
 #include "frames/weave.h"
@@ -317,79 +316,33 @@ class FastWeaver {
   explicit FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads = 1)
       : FastWeaver(plan, threads, best_kernel(*plan)) {}
   FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads, WeaveKernel kernel)
-      : plan_(std::move(plan)), kernel_(kernel) {
+      : plan_(std::move(plan)), kernel_(kernel), threads_(std::min(threads, plan_->block_count())) {
     LENTICULE_CHECK(threads > 0);
-    const auto workers = static_cast<size_t>(std::min(threads, plan_->block_count()));
-    for (size_t worker = 0; worker < workers; ++worker)
-      workers_.push_back(std::make_unique<BlockWeaver>(plan_, kernel_));
-    for (size_t worker = 1; worker < workers; ++worker)
-      helpers_.emplace_back([this, worker] { help(worker); });
+    for (int worker = 0; worker < threads_.count(); ++worker) weavers_.emplace_back(plan_, kernel_);
   }
-  ~FastWeaver() {
-    {
-      const std::lock_guard lock(mutex_);
-      ending_ = true;
-    }
-    start_.notify_all();
-    for (std::thread& helper : helpers_) helper.join();
-  }
-  FastWeaver(const FastWeaver&) = delete;
-  FastWeaver& operator=(const FastWeaver&) = delete;
 
   /// Returns when the frame is complete. Does not allocate.
   ///
   /// Thread safety: one caller at a time.
   void weave(const ViewSet& views, WovenFrame& frame) noexcept {
-    {
-      const std::lock_guard lock(mutex_);
-      views_ = &views;
-      frame_ = &frame;
-      busy_ = helpers_.size();
-      ++round_;
-    }
-    start_.notify_all();
-    weave_share(0);
-    std::unique_lock lock(mutex_);
-    done_.wait(lock, [&] { return busy_ == 0; });
+    // Neighbouring blocks use the same picture rows, so each worker gets one contiguous part of the
+    // panel.
+    const int blocks = plan_->block_count(), parts = threads_.count();
+    const auto weave_part = [this, blocks, parts, &views, &frame](int part, int worker) {
+      weavers_[static_cast<size_t>(worker)].weave(views, blocks * part / parts,
+                                                  blocks * (part + 1) / parts, frame);
+    };
+    threads_.run(parts, std::cref(weave_part));  // a reference, which fits without memory
   }
 
   [[nodiscard]] const WeavePlan& plan() const { return *plan_; }
   [[nodiscard]] WeaveKernel kernel() const { return kernel_; }
 
  private:
-  void help(size_t worker) noexcept {
-    uint64_t seen = 0;
-    std::unique_lock lock(mutex_);
-    while (true) {
-      start_.wait(lock, [&] { return ending_ || round_ != seen; });
-      if (ending_) return;
-      seen = round_;
-      lock.unlock();
-      weave_share(worker);
-      lock.lock();
-      if (--busy_ == 0) done_.notify_one();
-    }
-  }
-  /// Weaves one worker's blocks. Neighbouring blocks use the same picture rows, so each worker gets
-  /// one contiguous part of the panel.
-  void weave_share(size_t worker) noexcept {
-    const auto blocks = static_cast<size_t>(plan_->block_count());
-    const auto begin = static_cast<int>(blocks * worker / workers_.size());
-    const auto end = static_cast<int>(blocks * (worker + 1) / workers_.size());
-    workers_[worker]->weave(*views_, begin, end, *frame_);
-  }
-
   std::shared_ptr<const WeavePlan> plan_;
   WeaveKernel kernel_;
-  std::vector<std::unique_ptr<BlockWeaver>> workers_;
-  std::mutex mutex_;  ///< guards the six members below
-  std::condition_variable start_, done_;
-  const ViewSet* views_ = nullptr;
-  WovenFrame* frame_ = nullptr;
-  uint64_t round_ = 0;
-  size_t busy_ = 0;
-  bool ending_ = false;
-  std::vector<std::thread> helpers_;
+  std::vector<BlockWeaver> weavers_;
+  WorkerThreads threads_;
 };
 
 /// Weaves the whole frame at once. Throws Error(Usage) for more than kMostPlannedViews views.

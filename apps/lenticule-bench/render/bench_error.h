@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "apps/lenticule-tools/offline/scene_sequence.h"
+#include "base/worker_threads.h"
 #include "frames/frame.h"
-#include "frames/sequence/band_codec.h"
 #include "lab/fixtures.h"
 #include "lab/flip.h"
 #include "lab/measures.h"
@@ -141,7 +141,7 @@ using EyeFlicker = std::array<lab::FlickerMeter, kErrorEyes>;
 class ErrorEyes {
  public:
   /// Lifetime: both must outlive this object.
-  ErrorEyes(const optics::OpticalModel& model, frames::BandWorkers& workers);
+  ErrorEyes(const optics::OpticalModel& model, WorkerThreads& workers);
 
   /// Sets the frame with which the next ones are compared.
   void set_reference(const frames::FrameView& woven);
@@ -157,7 +157,7 @@ class ErrorEyes {
   [[nodiscard]] frames::WovenFrame seen(const frames::FrameView& woven, int eye) const;
 
   const optics::OpticalModel& model_;
-  frames::BandWorkers& workers_;
+  WorkerThreads& workers_;
   double pixels_per_degree_;
   SeenPictures reference_;
   std::vector<lab::FlipPicture> reference_flip_;

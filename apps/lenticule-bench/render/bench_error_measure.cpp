@@ -207,7 +207,7 @@ double seen_pixels_per_degree(const optics::Rig& rig) {
   return std::clamp(distance_mm / pixel_mm * std::numbers::pi / 180.0, 1.0, 1000.0);
 }
 
-ErrorEyes::ErrorEyes(const optics::OpticalModel& model, frames::BandWorkers& workers)
+ErrorEyes::ErrorEyes(const optics::OpticalModel& model, WorkerThreads& workers)
     : model_(model), workers_(workers), pixels_per_degree_(seen_pixels_per_degree(model.rig())) {}
 
 frames::WovenFrame ErrorEyes::seen(const frames::FrameView& woven, int eye) const {
@@ -468,7 +468,7 @@ class ScenarioRun {
   const ErrorScene& scene_;
   std::function<void()> done_;
   optics::OpticalModel model_;
-  frames::BandWorkers workers_;
+  WorkerThreads workers_;
   ErrorEyes eyes_;
   tools::StageSequence stages_;
   std::optional<render::SceneDescription> first_;  ///< scene of the first frame, to be moved

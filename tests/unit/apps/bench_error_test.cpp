@@ -265,7 +265,7 @@ TEST(WorstPlaces, KeepsTheWorstPlacesOfAllFramesWithoutDuplicates) {
 
 TEST(ErrorEyes, SeeNoDifferenceBetweenEqualFramesOnly) {
   const optics::OpticalModel model(sample_rig("tiny.toml"));
-  frames::BandWorkers workers(2);
+  WorkerThreads workers(2);
   ErrorEyes eyes(model, workers);
   EyeFlicker flicker;
   const frames::WovenFrame a = test::noise_frame(48, 32, 1);

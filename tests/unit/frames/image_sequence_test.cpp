@@ -6,10 +6,12 @@
 #include <poll.h>
 
 #include <deque>
+#include <optional>
 
 #include "frames/decoded_source.h"
 #include "frames/image_io.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/little_memory.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {
@@ -98,6 +100,24 @@ INSTANTIATE_TEST_SUITE_P(Sizes, SequencePool,
                          ::testing::Values(PoolCase{1, 4, 1}, PoolCase{3, 8, 1}, PoolCase{5, 2, 1},
                                            PoolCase{5, 3, 2}, PoolCase{7, 4, 3}, PoolCase{4, 4, 2},
                                            PoolCase{2, 1, 1}));
+
+#if LENTICULE_LIMITS_MEMORY
+TEST(ImageSequence, DecodesWithTheThreadsThatTheSystemAllows) {
+  const ScratchFolder folder;
+  write_numbered(folder, 100);
+  std::optional<ImageSequence> sequence;
+  {
+    const test::LittleMemory limit(test::kFewStacks);
+    sequence.emplace(files_in(folder), ImageSequenceOptions{.decoder_threads = 64});
+  }
+  AcquiredFrame acquired;
+  for (int n = 0; n < 100; ++n) {
+    ASSERT_EQ(pull_waiting(*sequence, acquired), PullStatus::Ready);
+    EXPECT_TRUE(holds_its_number(acquired));
+    sequence->release(acquired.token);
+  }
+}
+#endif
 
 TEST(ImageSequence, ReportsItsGeometryAndLength) {
   const ScratchFolder folder;
