@@ -5,14 +5,13 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <cstring>
-#include <thread>
 #include <utility>
 
 #include "base/error.h"
 #include "base/statistics.h"
+#include "base/worker_threads.h"
 #include "frames/weaving/plan_kernel.h"
 #include "optics/row_rays.h"
 
@@ -73,7 +72,7 @@ ViewShape shape_of(const ViewSet& views) {
           .aspect = views.aspect()};
 }
 
-/// PlanBuilder builds the parts of one plan; each thread has its own builder.
+/// PlanBuilder builds parts of one plan; each thread has its own builder.
 class PlanBuilder {
  public:
   PlanBuilder(WeavePlan& plan, const optics::OpticalModel& model, Isa isa)
@@ -117,8 +116,6 @@ class PlanBuilder {
                       plan_.stride_;
     for (int block = first_block; block < end_block; ++block) build_block(block, part);
   }
-
-  [[nodiscard]] int most_rows() const { return most_rows_; }
 
  private:
   /// Returns the subpixel of a place: every stride-th one, in stripes from red to blue.
@@ -198,7 +195,7 @@ class PlanBuilder {
     join_rows(part);
     set.quads_end = static_cast<uint32_t>(part.count);
     part.sets.push_back(set);
-    most_rows_ = std::max(most_rows_, bottom - top + 1);
+    part.most_rows = std::max(part.most_rows, bottom - top + 1);
   }
 
   void note_bars(const Line& line, int r, const Set& set, WeavePlan::Part& part) const {
@@ -245,7 +242,6 @@ class PlanBuilder {
   std::array<std::vector<plan_kernel::Run>, kRows> runs_;
   std::array<int, kRows> counts_{};
   size_t sets_to_follow_ = 0;  ///< sets that the part lacks after the present one
-  int most_rows_ = 2;
 };
 
 void WeavePlan::Part::make_room(size_t records, size_t likely_to_follow) {
@@ -281,25 +277,16 @@ WeavePlan::WeavePlan(const optics::OpticalModel& model, const ViewShape& shape,
 
   const int blocks = block_count();
   parts_.resize(static_cast<size_t>((blocks + kBlocksPerPart - 1) / kBlocksPerPart));
-  std::atomic<size_t> next{0};
-  std::atomic<int> most_rows{2};
-  const auto work = [&] {
-    PlanBuilder builder(*this, model, isa);
-    for (size_t part = next++; part < parts_.size(); part = next++) {
-      const int first = static_cast<int>(part) * kBlocksPerPart;
-      builder.build(first, std::min(first + kBlocksPerPart, blocks), parts_[part]);
-    }
-    int seen = most_rows.load();
-    while (seen < builder.most_rows() &&
-           !most_rows.compare_exchange_weak(seen, builder.most_rows())) {
-    }
-  };
-  {
-    std::vector<std::jthread> helpers;
-    for (int n = 1; n < threads; ++n) helpers.emplace_back(work);
-    work();
-  }
-  rows_of_block_ = most_rows;
+  const auto parts = static_cast<int>(parts_.size());
+  WorkerThreads workers(std::min(threads, parts));
+  std::vector<PlanBuilder> builders(static_cast<size_t>(workers.count()),
+                                    PlanBuilder(*this, model, isa));
+  workers.run(parts, [&](int part, int worker) {
+    const int first = part * kBlocksPerPart;
+    builders[static_cast<size_t>(worker)].build(first, std::min(first + kBlocksPerPart, blocks),
+                                                parts_[static_cast<size_t>(part)]);
+  });
+  for (const Part& part : parts_) rows_of_block_ = std::max(rows_of_block_, part.most_rows);
 }
 
 int WeavePlan::block_count() const {

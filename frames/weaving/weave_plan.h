@@ -86,6 +86,7 @@ class WeavePlan {
       size_t sets, bars;
     };
     std::vector<Ends> blocks;
+    int most_rows = 2;  ///< largest number of picture rows that one of its blocks uses
 
     [[nodiscard]] weave_kernel::Quad* quads() const {
       return static_cast<weave_kernel::Quad*>(memory.data());
