@@ -103,21 +103,17 @@ class SequenceWriter {
       throw Error(ErrorKind::Failed, fmt::format("{}: a sequence holds at most {} frames",
                                                  part_.string(), kMaxSequenceFrames));
     if (!in_step_) recall();
+    in_step_ = false;  // if a step fails, the bands' entries belong to no frame in the file
     if ((part_of_film_.first + frame_count()) % kPredictorInterval == 0)
       predictors_ = choose_predictors(frame, layout_.header.band_rows);
     workers_.run(layout_.header.bands(),
                  [&](int band, int worker) { encode_band(frame, band, worker); });
     lay_out_record();
-    if (!write_at(fd_.get(), layout_.data_end, record_)) {
-      const int error = errno;
-      in_step_ = false;  // the bands' entries no longer belong to a frame in the file
-      (void)!::ftruncate(fd_.get(),
-                         static_cast<off_t>(layout_.data_end));  // else resuming truncates the file
-      fail("cannot write", error);
-    }
+    if (!write_at(fd_.get(), layout_.data_end, record_)) cut_and_fail();
     layout_.frames.push_back(layout_.data_end);
     layout_.data_end += record_.size();
     previous_.assign(frame.bytes.begin(), frame.bytes.end());
+    in_step_ = true;
     sync_now_and_then();
   }
 
@@ -126,12 +122,8 @@ class SequenceWriter {
     if (finished_) return;
     std::vector<uint8_t> bytes;
     append_index(layout_.frames, layout_.data_end, bytes);
-    if (!write_at(fd_.get(), layout_.data_end, bytes) || ::fdatasync(fd_.get()) != 0) {
-      const int error = errno;
-      (void)!::ftruncate(fd_.get(),
-                         static_cast<off_t>(layout_.data_end));  // else resuming truncates the file
-      fail("cannot write", error);
-    }
+    if (!write_at(fd_.get(), layout_.data_end, bytes) || ::fdatasync(fd_.get()) != 0)
+      cut_and_fail();
     if (::rename(part_.c_str(), file_.c_str()) != 0) fail("cannot rename", errno);
     sync_folder_of(file_);
     finished_ = true;
@@ -309,6 +301,13 @@ class SequenceWriter {
     if (now - last_sync_ < kSyncInterval) return;
     if (::fdatasync(fd_.get()) != 0) fail("cannot write", errno);
     last_sync_ = std::chrono::steady_clock::now();
+  }
+  /// Leaves the frames alone in the file after a failed write: if that fails too, resuming
+  /// truncates the file.
+  [[noreturn]] void cut_and_fail() const {
+    const int error = errno;
+    (void)!::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end));
+    fail("cannot write", error);
   }
   [[noreturn]] void fail(const char* what, int error) const {
     throw Error(ErrorKind::Failed, fmt::format("{}: {}: {}", part_.string(), what,

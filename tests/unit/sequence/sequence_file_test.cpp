@@ -7,12 +7,14 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <new>
 
 #include "base/file.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
 #include "small_sequences.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/little_memory.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {
@@ -69,6 +71,30 @@ TEST(SequenceFile, UnchangedBandsAreStoredOnce) {
   const SequenceReader reader(folder / "a.lts");
   for (uint64_t n = 0; n < 13; ++n) expect_frame(reader, n, n == 11 ? moved : still);
 }
+
+#if LENTICULE_LIMITS_MEMORY
+TEST(SequenceFile, MayRetryAfterAFrameThatDidNotFitInMemory) {
+  const ScratchFolder folder;
+  const WovenFrame black({.width = 3840, .height = 2160});
+  WovenFrame noise = black;
+  uint32_t state = 1;
+  for (uint8_t& byte : noise.bytes()) {
+    state = state * 1664525 + 1013904223;
+    byte = static_cast<uint8_t>(state >> 24);
+  }
+  SequenceWriter writer(folder / "a.lts", info_of(black.geometry()), {.threads = 1});
+  writer.append(black.view());
+  {
+    const test::LittleMemory limit(8);
+    EXPECT_THROW(writer.append(noise.view()), std::bad_alloc);
+  }
+  writer.append(black.view());
+  writer.finish();
+  const SequenceReader reader(folder / "a.lts");
+  EXPECT_EQ(reader.frame_count(), 2u);
+  for (const uint64_t n : {0, 1}) expect_frame(reader, n, black);
+}
+#endif
 
 TEST(SequenceFile, IsNamedPartUntilFinished) {
   const ScratchFolder folder;
