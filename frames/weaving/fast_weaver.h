@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -121,8 +120,7 @@ class BlockWeaver {
               .codes = codes_of_light15().data(),
               .light_curve = light_curve().start_low.data(),
               .curve = encoding_curve().low_start.data(),
-              .spot = {}};
-    if (plan_->options().filter == ViewFilter::Gauss) prepare_spot();
+              .spot = plan_->spot()};
     lanes_ = static_cast<size_t>(shape.count + static_cast<int>(weave_kernel::kLaneStep) - 1) /
              weave_kernel::kLaneStep * weave_kernel::kLaneStep;
     first_pixels_.resize(lanes_);
@@ -148,18 +146,7 @@ class BlockWeaver {
   }
 
  private:
-  /// The reference's limit, in sigmas.
-  static constexpr double kSpotReach = 4.3;
-  static constexpr double kSharpestSpot = 1e-3;
-  /// Weights of wider spots change less from one fraction to the next.
-  static constexpr double kWideSpot = 2.0;
-  static constexpr int kSharpBits = 15, kWideBits = 12;
   static constexpr size_t kAlignment = 64;
-
-  /// Returns the weight relative to the nearest view's, which therefore never vanishes.
-  static double spot_weight(double distance, double nearest, double sigma) {
-    return std::exp(-(distance * distance - nearest * nearest) / (2.0 * sigma * sigma));
-  }
 
   static const weave_kernel::RunKernel& run_kernel(WeaveKernel kernel) {
     const Isa isa = kernel == WeaveKernel::Avx2   ? Isa::Avx2
@@ -173,26 +160,6 @@ class BlockWeaver {
   }
   using Transposed = std::unique_ptr<uint8_t[], void (*)(void*)>;
 
-  void prepare_spot() {
-    const double sigma = std::max(plan_->spot_sigma(), kSharpestSpot);
-    const int reach = std::min(static_cast<int>(kSpotReach * sigma) + 1, plan_->shape().count);
-    const int taps = 2 * reach + 2, bits = sigma < kWideSpot ? kSharpBits : kWideBits;
-    const int parts = 1 << bits;
-    spot_.reserve(static_cast<size_t>(parts) * static_cast<size_t>(taps) + 8);
-    for (int part = 0; part < parts; ++part) {
-      const double centre = (part + 0.5) / parts, nearest = std::min(centre, 1.0 - centre);
-      for (int n = 0; n < taps; ++n) {
-        const double weight = spot_weight(n - reach - centre, nearest, sigma);
-        spot_.push_back(static_cast<uint16_t>(std::lround(65535.0 * std::min(weight, 1.0))));
-      }
-    }
-    spot_.resize(spot_.size() + 8);
-    terms_.spot = {.weights = spot_.data(),
-                   .taps = taps,
-                   .reach = reach,
-                   .bits = bits,
-                   .views = plan_->shape().count};
-  }
   /// Sets lane and view k to the k-th camera from the left, in either order of the set.
   void look_at(const ViewSet& views) noexcept {
     const int count = views.count();
@@ -305,7 +272,6 @@ class BlockWeaver {
   size_t transposed_bytes_ = 0;
   size_t lanes_ = 0;
   std::vector<int> slots_;
-  std::vector<uint16_t> spot_;  ///< weights, for Gauss
 };
 
 /// FastWeaver weaves frame after frame by one plan with several threads.

@@ -266,7 +266,7 @@ WeavePlan::WeavePlan(const optics::OpticalModel& model, const ViewShape& shape,
   const optics::Rig& rig = model.rig();
   options_.filter = view_filter(options, rig.sheet, shape.count);
   geometry_ = {.width = rig.panel.width_px, .height = rig.panel.height_px};
-  spot_sigma_ = rig.sheet.spot_sigma.value * shape.count;
+  if (options_.filter == ViewFilter::Gauss) make_spot(rig.sheet.spot_sigma.value * shape.count);
   const auto& offsets = rig.sheet.channel_offset;
   const bool aligned = offsets[0] == offsets[1] && offsets[1] == offsets[2];
   const std::string& layout = rig.panel.layout.name();
@@ -289,6 +289,36 @@ WeavePlan::WeavePlan(const optics::OpticalModel& model, const ViewShape& shape,
   for (const Part& part : parts_) rows_of_block_ = std::max(rows_of_block_, part.most_rows);
 }
 
+/// Tables the weights of all views that the reference mixes, relative to the nearest view's, which
+/// therefore never vanishes. `sigma` is in views.
+void WeavePlan::make_spot(double sigma) {
+  constexpr double kReach = 4.3;  // sigmas, as the reference
+  constexpr double kSharpest = 1e-3;
+  // Weights of wider spots change less from one fraction to the next.
+  constexpr double kWide = 2.0;
+  constexpr int kSharpBits = 15, kWideBits = 12;
+  sigma = std::max(sigma, kSharpest);
+  const int reach = std::min(static_cast<int>(kReach * sigma) + 1, shape_.count);
+  const int taps = 2 * reach + 2, bits = sigma < kWide ? kSharpBits : kWideBits;
+  const int fractions = 1 << bits;
+  spot_weights_.reserve(static_cast<size_t>(fractions) * static_cast<size_t>(taps) + 8);
+  for (int fraction = 0; fraction < fractions; ++fraction) {
+    const double centre = (fraction + 0.5) / fractions, nearest = std::min(centre, 1.0 - centre);
+    for (int n = 0; n < taps; ++n) {
+      const double distance = n - reach - centre;
+      const double weight =
+          std::exp(-(distance * distance - nearest * nearest) / (2.0 * sigma * sigma));
+      spot_weights_.push_back(static_cast<uint16_t>(std::lround(65535.0 * std::min(weight, 1.0))));
+    }
+  }
+  spot_weights_.resize(spot_weights_.size() + 8);
+  spot_ = {.weights = spot_weights_.data(),
+           .taps = taps,
+           .reach = reach,
+           .bits = bits,
+           .views = shape_.count};
+}
+
 int WeavePlan::block_count() const {
   return (geometry_.height + kRows - 1) / kRows;
 }
@@ -309,7 +339,7 @@ int32_t WeavePlan::view_most() const {
 }
 
 size_t WeavePlan::memory_bytes() const {
-  size_t bytes = 0;
+  size_t bytes = spot_weights_.capacity() * sizeof(uint16_t);
   for (const Part& part : parts_)
     bytes += part.memory.bytes() + part.sets.capacity() * sizeof(Set) +
              part.bars.capacity() * sizeof(Bar);

@@ -63,8 +63,8 @@ class WeavePlan {
   [[nodiscard]] const WeaveOptions& options() const { return options_; }
   [[nodiscard]] int32_t view_step() const { return view_step_; }
   [[nodiscard]] int32_t view_most() const;
-  /// Returns sigma in views.
-  [[nodiscard]] double spot_sigma() const { return spot_sigma_; }
+  /// Returns the filter of ViewFilter::Gauss. Lifetime: must not outlive the plan.
+  [[nodiscard]] const weave_kernel::Spot& spot() const { return spot_; }
   /// Returns true if all sets have stride 1: colours lie side by side.
   [[nodiscard]] bool in_stripes() const { return stride_ == 1; }
   /// Returns true if places count from blue to red: subpixel 3 i + c of the plan is the panel's 3 i
@@ -76,6 +76,8 @@ class WeavePlan {
 
  private:
   friend class PlanBuilder;
+  void make_spot(double sigma);
+
   /// Part holds several blocks, built by one thread.
   struct Part {
     LargeMemory memory;  ///< room for records; the first `count` are set
@@ -99,7 +101,8 @@ class WeavePlan {
   FrameGeometry geometry_;
   ViewShape shape_;
   WeaveOptions options_;
-  double spot_sigma_ = 0.0;
+  std::vector<uint16_t> spot_weights_;
+  weave_kernel::Spot spot_{};
   int32_t view_step_ = 0;
   uint32_t stride_ = 1;
   bool blue_first_ = false;
