@@ -16,6 +16,7 @@
 #pragma GCC diagnostic ignored "-Wuninitialized"
 #endif
 
+#include "base/lanes.h"
 #include "frames/weaving/weave_kernel.h"
 
 namespace lenticule::frames::weave_kernel {
@@ -522,21 +523,10 @@ void transpose_row(const Terms& terms, const Pictures& pictures, int row, size_t
 
 void mix_set_by_permuting(const Terms& terms, const TransposedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept {
-  const bool mixes = terms.weight_mask != 0;
-  switch (rows.lanes / kViewsPerRegister) {
-    case 1:
-      return mixes ? mix_set<1, true>(terms, rows, set, quads, target)
-                   : mix_set<1, false>(terms, rows, set, quads, target);
-    case 2:
-      return mixes ? mix_set<2, true>(terms, rows, set, quads, target)
-                   : mix_set<2, false>(terms, rows, set, quads, target);
-    case 3:
-      return mixes ? mix_set<3, true>(terms, rows, set, quads, target)
-                   : mix_set<3, false>(terms, rows, set, quads, target);
-    default:
-      return mixes ? mix_set<4, true>(terms, rows, set, quads, target)
-                   : mix_set<4, false>(terms, rows, set, quads, target);
-  }
+  lanes::with_constant<1, 4>(static_cast<int>(rows.lanes / kViewsPerRegister), [&](auto parts) {
+    return terms.weight_mask != 0 ? mix_set<parts, true>(terms, rows, set, quads, target)
+                                  : mix_set<parts, false>(terms, rows, set, quads, target);
+  });
 }
 
 void stream_row(const uint8_t* codes, size_t count, uint8_t* to) noexcept {

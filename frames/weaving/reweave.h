@@ -23,12 +23,8 @@
 
 namespace lenticule::frames {
 
-/// Rounds the aspect to three decimals, as other programs write it in names.
-inline double named_aspect(double aspect) {
-  return std::max(0.001, std::round(aspect * 1000.0) / 1000.0);
-}
-
-/// Return a grid for the views whose picture is about as wide as high.
+/// Returns a grid for the views whose picture is about as wide as high. Its aspect has the three
+/// decimals that other programs write in names.
 [[nodiscard]] inline QuiltLayout quilt_layout_for(const ViewShape& views) {
   const double shape = static_cast<double>(views.height) / views.width;
   const int columns =
@@ -36,11 +32,7 @@ inline double named_aspect(double aspect) {
   return {.columns = columns,
           .rows = (views.count + columns - 1) / columns,
           .views = views.count,
-          .aspect = named_aspect(views.aspect)};
-}
-
-[[nodiscard]] inline QuiltLayout quilt_layout_for(const ViewSet& views) {
-  return quilt_layout_for(shape_of(views));
+          .aspect = std::max(0.001, std::round(views.aspect * 1000.0) / 1000.0)};
 }
 
 /// Returns the size of the quilt.
@@ -94,7 +86,7 @@ inline void draw_quilt(const ViewSet& views, const QuiltLayout& layout, WovenFra
 /// Writes the quilt atomically and returns the name of the file. Throws the errors of
 /// write_woven().
 inline std::filesystem::path write_quilt(const ViewSet& views, const std::filesystem::path& file) {
-  const QuiltLayout layout = quilt_layout_for(views);
+  const QuiltLayout layout = quilt_layout_for(shape_of(views));
   const std::filesystem::path name = quilt_name(file, layout);
   write_woven(draw_quilt(views, layout).view(), name);
   return name;

@@ -89,7 +89,7 @@ struct StepTimes {
 StepTimes time_steps(const BenchScene& scene, const frames::ViewSet& views, int runs) {
   const lab::ScratchFolder folder;
   StoredFrame woven(scene.frame(), folder.file("woven.lts"));
-  StoredFrame quilt(frames::draw_quilt(views, frames::quilt_layout_for(views)),
+  StoredFrame quilt(frames::draw_quilt(views, frames::quilt_layout_for(frames::shape_of(views))),
                     folder.file("views.lts"));
   frames::FastWeaver weaver(std::make_shared<const frames::WeavePlan>(
                                 scene.model(), frames::shape_of(views), frames::WeaveOptions{}),
