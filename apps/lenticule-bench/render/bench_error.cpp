@@ -391,15 +391,11 @@ class ErrorRun {
  private:
   [[nodiscard]] std::vector<ErrorScenario> scenarios_of(const ErrorScene& scene) const {
     std::vector<ErrorScenario> scenarios;
-    for (const std::string& scenario : flags_.scenarios)
-      if (scenario == "still")
-        scenarios.push_back(ErrorScenario::Still);
-      else if (scenario == "turning")
-        scenarios.push_back(ErrorScenario::Turning);
-      else if (scenario == "objects")
-        scenarios.push_back(ErrorScenario::Objects);
-      else if (!scene.still())
-        scenarios.push_back(ErrorScenario::Moving);
+    for (const std::string& name : flags_.scenarios) {
+      const auto at = std::ranges::find(kErrorScenarios, name) - std::begin(kErrorScenarios);
+      const auto scenario = static_cast<ErrorScenario>(at);
+      if (scenario != ErrorScenario::Moving || !scene.still()) scenarios.push_back(scenario);
+    }
     return scenarios;
   }
 
@@ -473,7 +469,8 @@ cli::Run declare_bench_error(CLI::App& app) {
                  "frames of one turn of the scene; objects: its objects and a light move")
       ->allow_extra_args(false)
       ->delimiter(',')
-      ->check(CLI::IsMember({"still", "moving", "turning", "objects"}))
+      ->check(CLI::IsMember(
+          std::vector<std::string>(std::begin(kErrorScenarios), std::end(kErrorScenarios))))
       ->capture_default_str();
   app.add_option("--frames", flags.frames, "number of frames of a course that is not still")
       ->check(CLI::Range(1, 10000))

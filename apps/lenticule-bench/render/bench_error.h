@@ -72,7 +72,7 @@ class ErrorScene {
 /// while the scene turns once about its vertical. Objects: with_moving_objects() under the camera
 /// of the first frame.
 enum class ErrorScenario { Still, Moving, Turning, Objects };
-[[nodiscard]] const char* name_of(ErrorScenario scenario);
+inline constexpr const char* kErrorScenarios[] = {"still", "moving", "turning", "objects"};
 
 struct ErrorSetup {
   optics::Rig rig;

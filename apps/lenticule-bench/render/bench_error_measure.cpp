@@ -56,16 +56,9 @@ render::SceneDescription read_as_gltf(const render::SceneDescription& scene,
   return render::at_time(render::load_scene(file), 0.0);
 }
 
-}  // namespace
-
 const char* name_of(ErrorScenario scenario) {
-  return scenario == ErrorScenario::Still     ? "still"
-         : scenario == ErrorScenario::Moving  ? "moving"
-         : scenario == ErrorScenario::Turning ? "turning"
-                                              : "objects";
+  return kErrorScenarios[static_cast<size_t>(scenario)];
 }
-
-namespace {
 
 /// Swing is the way of the objects of a scene. Lengths are in sizes of the scene.
 struct Swing {
