@@ -75,7 +75,7 @@ TEST(SequenceFile, UnchangedBandsAreStoredOnce) {
 #if LENTICULE_LIMITS_MEMORY
 TEST(SequenceFile, MayRetryAfterAFrameThatDidNotFitInMemory) {
   const ScratchFolder folder;
-  const WovenFrame black({.width = 3840, .height = 2160});
+  const WovenFrame black({.width = 1920, .height = 1080});
   WovenFrame noise = black;
   uint32_t state = 1;
   for (uint8_t& byte : noise.bytes()) {
@@ -85,7 +85,7 @@ TEST(SequenceFile, MayRetryAfterAFrameThatDidNotFitInMemory) {
   SequenceWriter writer(folder / "a.lts", info_of(black.geometry()), {.threads = 1});
   writer.append(black.view());
   {
-    const test::LittleMemory limit(8);
+    const test::LittleMemory limit(2);
     EXPECT_THROW(writer.append(noise.view()), std::bad_alloc);
   }
   writer.append(black.view());
