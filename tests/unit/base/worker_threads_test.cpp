@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "base/parallel_rows.h"
 #include "tests/support/little_memory.h"
 
 namespace lenticule {
@@ -34,6 +35,18 @@ TEST(WorkerThreads, PassesAnExceptionOnAndWorksAgain) {
   std::atomic<int> done = 0;
   threads.run(10, [&](int, int) { ++done; });
   EXPECT_EQ(done, 10);
+}
+
+TEST(RowRanges, CoverEveryRowOnceAndPassAnExceptionOn) {
+  for (const int rows : {0, 1, 8, 9, 100}) {
+    std::vector<std::atomic<int>> done(static_cast<size_t>(rows));
+    for_rows(
+        rows, [&](int row) { ++done[static_cast<size_t>(row)]; }, 3);
+    for (const auto& times : done) EXPECT_EQ(times, 1);
+  }
+  EXPECT_THROW(for_rows(
+                   100, [](int) { throw std::runtime_error("row"); }, 3),
+               std::runtime_error);
 }
 
 #if LENTICULE_LIMITS_MEMORY
