@@ -19,15 +19,15 @@
 
 namespace lenticule::render {
 
-/// Fingerprints all scene data outside the objects. The start of the rays is left out: no content
-/// lies in front of it, or the camera determines it, and then it is part of the map.
+/// Fingerprints all scene data outside the objects. The nearest object determines where rays start:
+/// if it moves, the origins of all rays round differently.
 inline Fingerprint rest_of(const Scene& scene) {
   SceneMixer mixer;
   mixer.add(scene.materials, scene.lights);
   const Affine& map = scene.scene_from_panel;
   mixer.add(scene.ambient, scene.backdrop.colour, scene.backdrop.up, scene.backdrop.ahead,
             map.column_x, map.column_y, map.column_z, map.origin);
-  mixer.add(scene.backdrop.sky, scene.colour_managed, scene.frame.units_per_world);
+  mixer.add(scene.backdrop.sky, scene.colour_managed, scene.frame.units_per_world, scene.near_mm);
   mixer.add(uint64_t{scene.meshes.size()}, uint64_t{scene.spheres.size()},
             uint64_t{scene.cones.size()});
   return mixer.value();

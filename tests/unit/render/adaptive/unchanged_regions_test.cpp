@@ -183,5 +183,21 @@ TEST(UnchangedRegions, DoNotChangeTheBytesOfSoftLight) {
                                                      .occlusion_distance_mm = 4.0});
 }
 
+/// Rays start in front of the nearest object. If it moves, their origins round differently, and so
+/// do colours far from it.
+TEST(UnchangedRegions, AreNoneIfTheNearestObjectMoves) {
+  std::mt19937_64 random(10);
+  SceneDescription description = strewn(random, 0.0);
+  add_grain(description, 0.05F, random);
+  description.meshes.erase(description.meshes.begin());  // the floor would be the nearest object
+  const RenderOptions options{.threads = 1, .cancelled = {}};
+  Frames frames("adaptive", options);
+  for (int n = 0; n < 8; ++n) {
+    description.spheres.front().centre = {2.8, 1.5, 2.0 - 0.031 * n};
+    const frames::WovenFrame frame = frames.render(description);
+    EXPECT_EQ(frame, Frames("adaptive", options).render(description)) << n;
+  }
+}
+
 }  // namespace
 }  // namespace lenticule::render
