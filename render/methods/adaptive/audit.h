@@ -231,17 +231,24 @@ inline double cumulative_binomial(uint64_t successes, uint64_t tries, double p) 
   return sum;
 }
 
+/// Number of sets of bands whose mean square may be judged by one evaluation, each with fewer
+/// errors than the one before.
+inline constexpr int kMeanSquareLooks = 6;
+
 /// Returns an upper bound, with 99.99 % confidence, of the share of all subpixels whose error
 /// exceeds the tolerated error (Clopper and Pearson's exact bound for a binomial share); 1 if no
 /// subpixel was sampled. The confidence is that high because the bounds of all frames of a sequence
-/// should hold, and because the selection is the same in each.
-[[nodiscard]] inline double bound_of_share(const AuditCounts& counts) {
-  constexpr double kDoubt = 0.0001;
+/// should hold, and because the selection is the same in each. It is that of the looks 0 to
+/// kMeanSquareLooks - 1 together, of which the last one taken depends on the samples: their doubts
+/// add up. The first look has nearly all of it, since most frames take no other.
+[[nodiscard]] inline double bound_of_share(const AuditCounts& counts, int look = 0) {
+  constexpr double kLater = 0.000001;
+  const double doubt = look == 0 ? 0.0001 - (kMeanSquareLooks - 1) * kLater : kLater;
   if (counts.sampled == 0 || counts.beyond >= counts.sampled) return 1.0;
   double low = 0.0, high = 1.0;
   for (int step = 0; step < 50; ++step) {
     const double middle = 0.5 * (low + high);
-    (cumulative_binomial(counts.beyond, counts.sampled, middle) > kDoubt ? low : high) = middle;
+    (cumulative_binomial(counts.beyond, counts.sampled, middle) > doubt ? low : high) = middle;
   }
   return high;
 }
@@ -304,9 +311,6 @@ class AuditErrors {
   std::array<uint32_t, 256> subpixels_{};
 };
 
-/// Number of sets of bands whose mean square may be judged by one evaluation, each with fewer
-/// errors than the one before.
-inline constexpr int kMeanSquareLooks = 6;
 /// Largest squared error, rounded up so that no factor of bound_of_mean_square() is 0.
 inline constexpr double kLargestSquare = 256.0 * 256.0;
 /// Probability that the bound of a mean square is too low, and that of look `look`. Most frames are

@@ -895,9 +895,9 @@ class AdaptiveMethod final : public Method {
     return true;
   }
 
-  /// Returns false if method full renders frames of this rig, or with this promise, faster. At 960 x
-  /// 540, proofs that sampled one subpixel in three took 0.87 to 1.05 of its time in four scenes;
-  /// those that sampled one in two took 1.02 to 1.12, and up to 1.7 where they proved too little.
+  /// Returns false if method full renders this rig or keeps this promise faster. Proofs that
+  /// sampled one in three subpixels took 0.87 to 1.05 of its time in four scenes, those that
+  /// sampled one in two 1.02 to 1.12, and up to 1.7 where they proved too little.
   [[nodiscard]] bool suits() const {
     constexpr uint32_t kLeastOneIn = 3;
     return one_plane_a_row(planes_) && plan_.selection.one_in() >= kLeastOneIn;
@@ -1284,7 +1284,7 @@ class AdaptiveMethod final : public Method {
     statistics.audited_beyond = audit.beyond;
     statistics.audited_rmse = std::sqrt(errors.mean_square());
     if (!keeps_any(frame)) return statistics;  // every band comes from method full
-    statistics.beyond_bound = bound_of_share(audit);
+    statistics.beyond_bound = bound_of_share(audit, frame.look);
     statistics.rmse_bound = std::sqrt(bound_of_mean_square(errors, frame.look));
     return statistics;
   }
