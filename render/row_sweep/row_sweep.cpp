@@ -430,7 +430,7 @@ namespace {
 void make_room(size_t count, SweptRow& row) {
   if (row.cut.size() >= count) return;
   row.cut.resize(count);
-  row.z_mm.resize(count);
+  for (auto* numbers : {&row.z_mm, &row.x_mm, &row.tan_x}) numbers->resize(count);
 }
 
 }  // namespace
@@ -525,6 +525,8 @@ void RowSweep::Worker::collect(SweptRow& out) {
     const auto s = static_cast<size_t>(rays_.subpixel[n]);
     out.cut[s] = by_lens_.cut[n];
     out.z_mm[s] = by_lens_.z_mm[n];
+    out.x_mm[s] = rays_.x_mm[n];
+    out.tan_x[s] = rays_.tan_x[n];
   }
 }
 

@@ -117,8 +117,9 @@ class SweepPrimitives {
 struct SweptRow {
   static constexpr int32_t kNothing = -1;
 
-  std::vector<int32_t> cut;  ///< index into `cuts`, or kNothing
-  std::vector<float> z_mm;   ///< panel frame; -infinity if nothing is visible
+  std::vector<int32_t> cut;        ///< index into `cuts`, or kNothing
+  std::vector<float> z_mm;         ///< panel frame; -infinity if nothing is visible
+  std::vector<float> x_mm, tan_x;  ///< the rays, if PlaneRays are in another order
   std::vector<SweptCut> cuts;
 };
 

@@ -372,8 +372,8 @@ class SampledTracer {
  public:
   /// Lifetime: all arguments must outlive the object. `centre` is the centre of the subpixels.
   SampledTracer(const PrimaryPackets& packets, const TilePlan& plan, const Footprint& centre)
-      : plan_(plan), centre_(centre), maker_(packets), packet_(1) {
-    init_packets(packet_);
+      : plan_(plan), centre_(centre), maker_(packets) {
+    init_packets({&packet_, 1});
   }
 
   /// Sorts the subpixels of a band for trace().
@@ -396,7 +396,7 @@ class SampledTracer {
         tile = plan_.tile(first_tile + tiles_begun++);
         if (column(s) < tile.column_begin + tile.columns) maker_.start_few(scene, tile, centre_);
       }
-      maker_.ray(column(s) - tile.column_begin, s.row, packet_[0], in_packet++);
+      maker_.ray(column(s) - tile.column_begin, s.row, packet_, in_packet++);
       if (in_packet < kPacket && n + 1 < subpixels.size()) continue;
       trace_packet(scene, first_row, subpixels.subspan(n + 1 - in_packet, in_packet), tracer);
       in_packet = 0;
@@ -411,19 +411,19 @@ class SampledTracer {
     for (size_t r = 0; r < kPacket; ++r) {
       const bool there = r < subpixels.size();
       const SampledSubpixel& s = subpixels[there ? r : 0];
-      packet_[0].valid[r] = there ? -1 : 0;
+      packet_.valid[r] = there ? -1 : 0;
       channel_[r] = s.at % 3;
       seeds_[r] = sampling::subpixel_seed(first_row + s.row, s.at, 0);
     }
     if (tracer.needs_seeds()) tracer.set_seeds(seeds_);
-    tracer.trace_lanes(scene, plan_, channel_, packet_[0], light_);
+    tracer.trace_lanes(scene, plan_, channel_, packet_, light_);
     for (size_t n = 0; n < subpixels.size(); ++n) subpixels[n].light = light_[n];
   }
 
   const TilePlan& plan_;
   const Footprint& centre_;
   PrimaryPackets::Maker maker_;
-  std::vector<RayPacket> packet_;  ///< a single packet
+  RayPacket packet_{};
   alignas(64) std::array<int32_t, kPacket> channel_{};
   std::array<uint32_t, kPacket> seeds_{};
   alignas(64) std::array<float, kPacket> light_{};

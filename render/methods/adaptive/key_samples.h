@@ -472,13 +472,11 @@ class KeySamples {
   /// Returns the corner that shows another surface than the other three, or kNoCorner if all show
   /// one. Returns nothing if fewer than three show one.
   static std::optional<size_t> odd_corner(const std::array<uint32_t, 4>& groups) {
-    const bool above = groups[0] == groups[1], below = groups[2] == groups[3];
-    const bool left = groups[0] == groups[2], right = groups[1] == groups[3];
-    if (above && below) return left ? std::optional(kNoCorner) : std::nullopt;
-    if (above)
-      return left ? std::optional<size_t>(3) : right ? std::optional<size_t>(2) : std::nullopt;
-    if (below)
-      return left ? std::optional<size_t>(1) : right ? std::optional<size_t>(0) : std::nullopt;
+    for (size_t odd = 0; odd < 4; ++odd) {
+      const uint32_t beside = groups[odd ^ 1];
+      if (beside != groups[odd ^ 2] || beside != groups[odd ^ 3]) continue;
+      return beside == groups[odd] ? kNoCorner : odd;
+    }
     return std::nullopt;
   }
 

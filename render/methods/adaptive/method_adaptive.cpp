@@ -269,11 +269,10 @@ class AdaptiveWorker {
         sampled_tracer_(frame.plan.full.packets(), frame.plan.tiles, frame.plan.centre),
         resolver_(frame.samples, frame.grid, frame.plan.tolerances, frame.scene.colour_managed,
                   frame.plan.options.soft),
-        packet_(1),
         keys_(frame.grid.row_samples()),
         corners_(3 * frame.grid.row_samples()),
         found_row_(frame.plan.planes.row_subpixels()) {
-    init_packets(packet_);
+    init_packets({&packet_, 1});
     if (frame.scene.backdrop.ground_shadow) ground_.emplace(frame.scene, frame.plan.planes);
     colours_.tracer().integrate_area_lights(true);
     evaluate_exactly(false);
@@ -343,7 +342,9 @@ class AdaptiveWorker {
       flat_row_ = ground_->range_mm().empty();
     }
     sweep_.sweep(row, swept_, frame_.eyes, ground_ ? ground_->range_mm() : Interval{});
-    arrange_rays();
+    const bool in_order = sweep_.rays().subpixel.empty();
+    x_mm_ = (in_order ? sweep_.rays().x_mm : swept_.x_mm).data();
+    tan_x_ = (in_order ? sweep_.rays().tan_x : swept_.tan_x).data();
     group_of_cut_.clear();
     for (const SweptCut& cut : swept_.cuts)
       group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
@@ -452,15 +453,15 @@ class AdaptiveWorker {
     std::array<uint32_t, kPacket> seeds{};
     for (size_t lane = 0; lane < kPacket; ++lane) {
       const SamplePlace& place = places[std::min(lane, places.size() - 1)];
-      packet_[0].valid[lane] = lane < places.size() ? -1 : 0;
+      packet_.valid[lane] = lane < places.size() ? -1 : 0;
       if (colours_.tracer().needs_seeds())
         seeds[lane] = sampling::subpixel_seed(place.row, place.column, 1 + cache_view);
       set_panel_ray(frame_.scene, frame_.start_mm,
-                    frame_.grid.ray(place.row, cache_view, place.column), packet_[0], lane);
+                    frame_.grid.ray(place.row, cache_view, place.column), packet_, lane);
     }
     colours_.tracer().set_seeds(seeds);
     colours_.trace(frame_.scene, frame_.groups,
-                   frame_.plan.tolerances.noticed(frame_.scene.colour_managed), packet_[0], found_);
+                   frame_.plan.tolerances.noticed(frame_.scene.colour_managed), packet_, found_);
     for (size_t lane = 0; lane < places.size(); ++lane) set_sample(cache_view, places[lane], lane);
   }
 
@@ -516,23 +517,6 @@ class AdaptiveWorker {
     const SampledPair sampled = selection.pair(static_cast<uint32_t>(row), n / selection.one_in());
     if (n == sampled.retracing || n == sampled.evaluation) return false;
     return resolver_.is_as_before(between, found_row_.places(at));
-  }
-
-  /// Arranges the rays by subpixel, if they are ordered by lens.
-  void arrange_rays() {
-    const PlaneRays& rays = sweep_.rays();
-    x_mm_ = rays.x_mm.data();
-    tan_x_ = rays.tan_x.data();
-    if (rays.subpixel.empty()) return;
-    arranged_x_.resize(rays.end + lookup_kernel::kLanes);
-    arranged_tan_.resize(rays.end + lookup_kernel::kLanes);
-    for (size_t n = 0; n < rays.end; ++n) {
-      const auto at = static_cast<size_t>(rays.subpixel[n]);
-      arranged_x_[at] = rays.x_mm[n];
-      arranged_tan_[at] = rays.tan_x[n];
-    }
-    x_mm_ = arranged_x_.data();
-    tan_x_ = arranged_tan_.data();
   }
 
   void look_up(const KeyGrid::Between& between) {
@@ -745,12 +729,11 @@ class AdaptiveWorker {
   bool flat_row_ = true;         ///< the backdrop shows one colour in all of the row
   const float* x_mm_ = nullptr;  ///< per subpixel of the last swept row
   const float* tan_x_ = nullptr;
-  std::vector<float> arranged_x_, arranged_tan_;
   UncertainShader shader_;
   SampledTracer sampled_tracer_;
   std::unique_ptr<FullTiles::Worker> full_;  ///< created when a band is retraced
   LightResolver resolver_;
-  std::vector<RayPacket> packet_;                ///< a single packet
+  RayPacket packet_{};
   std::vector<uint32_t> keys_;                   ///< see lookup_kernel::SampleRows
   std::vector<lookup_kernel::Corners> corners_;  ///< corners of the same cells
   std::array<int, 2> keys_row_{-1, -1};
@@ -1076,7 +1059,6 @@ class AdaptiveMethod final : public Method {
   /// counters, so that the bytes do not depend on the machine's speed. Those whose errors are so
   /// large that limit_mean_square() will leave them to method full have only cost time.
   void note_gains(const AdaptiveFrame& frame, BandOrder& order) const {
-    std::vector<int> kept;
     ExpectedErrors errors{.bands = static_cast<double>(frame.bands.size())};
     for (int n = 0; n < static_cast<int>(frame.bands.size()); ++n) {
       const AdaptiveFrame::Band& band = frame.bands[static_cast<size_t>(n)];
@@ -1084,20 +1066,23 @@ class AdaptiveMethod final : public Method {
       const BandCosts costs = frame.costs.costs(band.counts);
       order.note(n, (band.retraced ? 0 : costs.full) - costs.spent());
       ++errors.tried;
-      if (band.retraced) continue;
-      kept.push_back(n);
-      errors.add(band.retracing, 1.0);
+      if (!band.retraced) errors.add(band.retracing, 1.0);
     }
-    const auto errors_of = [&](int n) -> const AuditErrors& {
-      return frame.bands[static_cast<size_t>(n)].retracing;
-    };
-    std::ranges::stable_sort(kept, std::greater(),
-                             [&](int n) { return errors_of(n).mean_square(); });
-    for (const int n : kept) {
+    for (const size_t n : worst_first(frame)) {
       if (!exceeds_mean_square(errors)) break;
-      errors.add(errors_of(n), -1.0);
-      order.note(n, -frame.costs.costs(frame.bands[static_cast<size_t>(n)].counts).spent());
+      errors.add(frame.bands[n].retracing, -1.0);
+      order.note(static_cast<int>(n), -frame.costs.costs(frame.bands[n].counts).spent());
     }
+  }
+
+  /// Returns the tried bands that are not left to method full, those with the largest errors first.
+  static std::vector<size_t> worst_first(const AdaptiveFrame& frame) {
+    std::vector<size_t> kept;
+    for (size_t n = 0; n < frame.bands.size(); ++n)
+      if (frame.bands[n].tried && !frame.bands[n].retraced) kept.push_back(n);
+    std::ranges::stable_sort(kept, std::greater(),
+                             [&](size_t n) { return frame.bands[n].retracing.mean_square(); });
+    return kept;
   }
 
   /// ExpectedErrors holds what the first selection says of the errors of the tried bands.
@@ -1132,24 +1117,19 @@ class AdaptiveMethod final : public Method {
   /// is enough is judged by the second, in at most kMeanSquareLooks looks.
   void limit_mean_square(AdaptiveFrame& frame) const {
     if (options_.soft.any()) return;  // method full itself is off by its noise
-    std::vector<AdaptiveFrame::Band*> worst;
+    const std::vector<size_t> worst = worst_first(frame);
     double left = 0.0;
-    for (AdaptiveFrame::Band& band : frame.bands)
-      if (band.tried && !band.retraced) {
-        worst.push_back(&band);
-        left += band.retracing.mean_square();
-      }
-    std::ranges::stable_sort(worst, std::greater(), [](const AdaptiveFrame::Band* band) {
-      return band->retracing.mean_square();
-    });
+    for (const AdaptiveFrame::Band& band : frame.bands)
+      if (band.tried && !band.retraced) left += band.retracing.mean_square();
     size_t next = 0;
     while (frame.look < kMeanSquareLooks - 1 && exceeds_mean_square(frame)) {
       // The worst bands are retraced before each look, until half of the mean square is gone; all
       // are before the last.
       const double enough = ++frame.look == kMeanSquareLooks - 1 ? -1.0 : left / 2.0;
       while (next < worst.size() && left > enough) {
-        left -= worst[next]->retracing.mean_square();
-        worst[next++]->retraced = true;
+        AdaptiveFrame::Band& band = frame.bands[worst[next++]];
+        left -= band.retracing.mean_square();
+        band.retraced = true;
       }
     }
   }

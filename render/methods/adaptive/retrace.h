@@ -2,7 +2,7 @@
 // Shading of the subpixels that the cache views do not settle. ColourTracer takes the samples: it
 // traces sixteen rays in all three colours and records the paths of their light. LightResolver
 // compares the records of the samples around a subpixel: light on which they agree need not be
-// traced again. UncertainSubpixels shades the subpixels of a band in packets with what is left.
+// traced again. UncertainShader shades the subpixels of a band in packets with what is left.
 #pragma once
 
 #include <algorithm>
@@ -425,9 +425,7 @@ class UncertainBand {
 class UncertainShader {
  public:
   /// Lifetime: `plan` must outlive the object.
-  explicit UncertainShader(const TilePlan& plan) : plan_(plan), packet_(1) {
-    init_packets(packet_);
-  }
+  explicit UncertainShader(const TilePlan& plan) : plan_(plan) { init_packets({&packet_, 1}); }
 
   /// Shades a part of the ordered subpixels of a band on their known surfaces, traces the light
   /// that is not resolved, and calls `write(subpixel, light)`. Rows are counted from `first_row`.
@@ -440,7 +438,7 @@ class UncertainShader {
       const auto lanes = part.subspan(first, std::min(kPacket, part.size() - first));
       load(scene, start_mm, first_row, band, lanes);
       if (tracer.needs_seeds()) tracer.set_seeds(seeds_);
-      tracer.trace_known(scene, plan_, channel_, known_, packet_[0], light_);
+      tracer.trace_known(scene, plan_, channel_, known_, packet_, light_);
       for (size_t r = 0; r < lanes.size(); ++r) write(*lanes[r], light_[r]);
     }
   }
@@ -472,7 +470,7 @@ class UncertainShader {
       // Idle lanes repeat the last ray.
       const UncertainSubpixel& s = *lanes[std::min(r, lanes.size() - 1)];
       const UncertainBand::Row& row = band.row(s.row);
-      packet_[0].valid[r] = r < lanes.size() ? -1 : 0;
+      packet_.valid[r] = r < lanes.size() ? -1 : 0;
       channel_[r] = s.at % 3;
       seeds_[r] = sampling::subpixel_seed(first_row + s.row, s.at, 0);  // as in method full
       set_panel_ray(scene, start_mm,
@@ -480,11 +478,11 @@ class UncertainShader {
                      .y_mm = row.plane.lens_y_mm,
                      .tan_x = double{s.tan_x},
                      .tan_y = row.plane.tan_y},
-                    packet_[0], r);
-      packet_[0].rays.ray.tfar[r] = static_cast<float>(start_mm) - s.z_mm;  // millimetres of z
-      packet_[0].rays.hit.geomID[r] = s.geometry;
-      packet_[0].rays.hit.primID[r] = s.primitive;
-      if (const WideTriangle* wide = wide_triangle_of(scene, s)) set_distance(*wide, packet_[0], r);
+                    packet_, r);
+      packet_.rays.ray.tfar[r] = static_cast<float>(start_mm) - s.z_mm;  // millimetres of z
+      packet_.rays.hit.geomID[r] = s.geometry;
+      packet_.rays.hit.primID[r] = s.primitive;
+      if (const WideTriangle* wide = wide_triangle_of(scene, s)) set_distance(*wide, packet_, r);
       lit[r] = s.resolved.lit;
       hidden[r] = s.resolved.hidden;
       if (s.resolved.secondary_known) known_.secondary_lanes |= 1U << r;
@@ -505,7 +503,7 @@ class UncertainShader {
   }
 
   const TilePlan& plan_;
-  std::vector<RayPacket> packet_;  ///< a single packet
+  RayPacket packet_{};
   alignas(64) std::array<int32_t, kPacket> channel_{};
   std::array<uint32_t, kPacket> seeds_{};
   alignas(64) std::array<float, kPacket> light_{};

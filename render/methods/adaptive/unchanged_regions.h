@@ -13,6 +13,7 @@
 #include "base/interval.h"
 #include "render/options/render_options.h"
 #include "render/row_sweep/row_planes.h"
+#include "render/row_sweep/row_sweep.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_fingerprint.h"
 #include "render/scene/texture.h"
@@ -89,7 +90,7 @@ struct SceneObjects {
 /// construction.
 class UnchangedRegions {
  public:
-  static constexpr int kBandRows = 16;
+  static constexpr int kBandRows = TilePlan::kRows;
   static constexpr int kColumnPixels = 32;
 
   /// Finds the unchanged regions for rays that go to `eyes` on the viewing line (mm; tangents for
@@ -224,18 +225,13 @@ class UnchangedRegions {
   /// lines straight, so the corners suffice; and the outermost viewing places bound the region for
   /// all places between them.
   [[nodiscard]] Patch seen_through(const Box& box) const {
-    // Fraction of the distance to the viewing line beyond which content may be seen anywhere.
-    constexpr double kTooNear = 0.9;
     const double inverse_z = planes_.inverse_z();
     Patch patch;
     for (const Vec3& corner : box.corners()) {
       const Vec3 p = panel_from_scene_.point(corner);
-      const double wider = 1.0 - p.z * inverse_z;
-      if (!(wider > 1.0 - kTooNear)) return {kEverywhere, kEverywhere};
-      const double depth = inverse_z > 0.0 ? p.z * inverse_z : p.z;
-      for (const double eye : {eyes_.low, eyes_.high})
-        patch.x_mm.extend((p.x - eye * depth) / wider);
-      patch.y_mm.extend((p.y - planes_.eye_tan_y() * p.z) / wider);
+      if (!extend_by_view({p.x, p.z}, inverse_z, eyes_, patch.x_mm))
+        return {kEverywhere, kEverywhere};
+      patch.y_mm.extend((p.y - planes_.eye_tan_y() * p.z) / (1.0 - p.z * inverse_z));
     }
     return patch;
   }
