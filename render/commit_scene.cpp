@@ -24,6 +24,7 @@
 #include "render/accel/user_geometry.h"
 #include "render/culling/shaft.h"
 #include "render/loaders/viewer_choices.h"
+#include "render/options/render_options.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_fingerprint.h"
 #include "render/scene/surroundings.h"
@@ -681,7 +682,7 @@ class Committer {
     if (primitives() <= kMostProvable) scene_.tree = std::make_unique<const PrimitiveTree>(scene_);
     use_lights();
     if (is_pbr_)
-      tbb::task_arena(threads_ > 0 ? threads_ : tbb::task_arena::automatic).execute([this] {
+      tbb::task_arena(arena_threads(threads_)).execute([this] {
         scene_.pbr = std::make_unique<const PbrScene>(scene_, has_studio());
         if (has_ground_shadow_) add_ground_shadow();
       });

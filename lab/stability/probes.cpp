@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "render/accel/denormals.h"
 #include "render/integrator/packet_tracer.h"
+#include "render/options/render_options.h"
 #include "render/shading/shading_tables.h"
 
 namespace lenticule::lab {
@@ -256,7 +257,7 @@ class VisibilityTimer {
         footprint_(model, {}),
         rays_(3 * static_cast<uint64_t>(model.rig().panel.width_px) *
               static_cast<uint64_t>(model.rig().panel.height_px)),
-        arena_(threads > 0 ? threads : tbb::task_arena::automatic) {}
+        arena_(render::arena_threads(threads)) {}
 
   VisibilityTiming run() {
     arena_.execute([&] {

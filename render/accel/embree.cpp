@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "render/options/render_options.h"
 
 namespace lenticule::render {
 
@@ -46,7 +47,7 @@ struct EmbreeDevice::Report {
 
 EmbreeDevice::EmbreeDevice(int threads) : report_(std::make_unique<Report>()) {
   std::string configuration = "ignore_config_files=1";
-  if (threads > 0) configuration += fmt::format(",threads={}", threads);
+  if (threads > 0) configuration += fmt::format(",threads={}", arena_threads(threads));
   // At a common edge of two triangles, kernels of different instruction sets may choose another
   // one.
   if (const char* isa = std::getenv("LENTICULE_EMBREE_ISA"); isa && *isa)

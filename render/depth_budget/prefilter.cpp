@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "optics/row_rays.h"
 #include "render/accel/denormals.h"
+#include "render/options/render_options.h"
 #include "render/rays/primary_rays.h"
 #include "render/row_sweep/row_sweep.h"
 
@@ -347,7 +348,7 @@ DepthHistogram measure_depth(const optics::OpticalModel& model, const Scene& sce
   const RowSweep sweep(planes, scene);
   constexpr int kBand = 16;  // rows in ascending order share work
   tbb::enumerable_thread_specific<RowMeter> meters([&] { return RowMeter(sweep, model); });
-  tbb::task_arena arena(threads > 0 ? threads : tbb::task_arena::automatic);
+  tbb::task_arena arena(arena_threads(threads));
   arena.execute([&] {
     tbb::parallel_for(0, (planes.rows() + kBand - 1) / kBand, [&](int band) {
       const FlushDenormals flush;

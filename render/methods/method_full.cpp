@@ -18,6 +18,7 @@
 #include "render/accel/denormals.h"
 #include "render/depth_budget/prefilter.h"
 #include "render/integrator/pbr_tracer.h"
+#include "render/options/render_options.h"
 #include "render/scene/texture.h"
 #include "render/shading/shading_tables.h"
 
@@ -157,7 +158,7 @@ class FullMethod final : public Method {
         tiles_(std::move(tiles)),
         width_(panel.width_px),
         height_(panel.height_px),
-        arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
+        arena_(arena_threads(options.threads)) {}
 
   RenderStatistics render(const Scene& scene, const Stage&, frames::WovenFrame& frame) override {
     const frames::FrameGeometry& geometry = frame.geometry();

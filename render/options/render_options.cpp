@@ -2,6 +2,11 @@
 #include "render/options/render_options.h"
 
 #include <fmt/format.h>
+#include <oneapi/tbb/global_control.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include <memory>
+#include <mutex>
 
 #include "base/error.h"
 
@@ -38,6 +43,21 @@ void validate(const SoftLight& soft) {
   if (soft.occlusion_samples > 0 && soft.environment_samples > 0)
     throw Error(ErrorKind::Usage, "occlusion: cannot be combined with environment light",
                 "use one of the two; environment light includes occlusion");
+}
+
+int arena_threads(int threads) {
+  using tbb::global_control;
+  static std::mutex mutex;
+  static std::unique_ptr<global_control> limit;
+  if (threads <= 0) return tbb::task_arena::automatic;
+  const std::lock_guard lock(mutex);
+  const auto wanted = static_cast<size_t>(threads);
+  // Of several limits the lowest counts, so that a higher one replaces it.
+  if (wanted > global_control::active_value(global_control::max_allowed_parallelism)) {
+    limit.reset();
+    limit = std::make_unique<global_control>(global_control::max_allowed_parallelism, wanted);
+  }
+  return threads;
 }
 
 }  // namespace lenticule::render

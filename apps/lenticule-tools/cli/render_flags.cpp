@@ -178,7 +178,8 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   CLI::Option* const psnr = cli::add_option(app, "--psnr DB", flags.least_psnr_db,
                                             "least PSNR of each frame of method adaptive: 40\n"
                                             "Against method full, proven with 99 % confidence.")
-                                ->default_str("");
+                                ->default_str("")
+                                ->excludes(error);
 
   app.option_defaults()->group("Quality");
   cli::add_option(app, "--samples", flags.options.samples, "rays per subpixel, inside its area");
@@ -214,10 +215,7 @@ std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
                       .prefilter_samples = prefilter_samples->count() > 0};
     refuse_idle_flags(flags, given);
     if (flags.wall.empty()) flags.rig = player::choose_rig({.given = flags.rig}).file;
-    if (!given.psnr) return;
-    const double tolerated = flags.options.tolerated_error;
-    render::promise_psnr(flags.least_psnr_db, flags.options);
-    if (given.error) flags.options.tolerated_error = tolerated;
+    if (given.psnr) render::promise_psnr(flags.least_psnr_db, flags.options);
   };
 }
 }  // namespace lenticule::tools

@@ -259,7 +259,9 @@ class RenderRun {
     const render::RenderStatistics& s = totals_.rays;
     if (s.projected_subpixels + s.interpolated_subpixels == 0) {
       if (flags_.render.method == "adaptive" && s.traced_subpixels > 0)
-        say("subpixels: all from method full, since interpolation would save no time here\n");
+        say("subpixels: all from method full, {}\n", flags_.render.options.tolerated_error == 0.0
+                                                         ? "as --error 0 asks"
+                                                         : "which is as fast here");
       return;
     }
     const auto percent = [&s](uint64_t count) {
@@ -289,7 +291,7 @@ class RenderRun {
     if (flags_.render.options.soft.any())
       say("these errors are those against finer soft light, without the noise of method full\n");
     if (s.retraced_subpixels > 0)
-      say("{} subpixels in regions with too many errors were rendered by method full\n",
+      say("{} subpixels were left to method full, where it is as fast or errors are too large\n",
           s.retraced_subpixels);
   }
 

@@ -24,10 +24,11 @@ namespace lenticule::render {
 // BandOrder decides, step by step, which bands of a frame method adaptive tries and which it leaves
 // to method full, from what the bands tried before have gained. BandCostModel estimates the gains.
 
-/// BandOrder serves one frame. The first step tries a few bands spread over the frame, the next
-/// steps the bands halfway between those. A band is left to method full in two cases: the nearest
-/// tried bands above and below it have each cost more than method full, or their gains and twice
-/// the mean gain of all tried bands add up to a loss. Decisions depend on the noted gains only.
+/// BandOrder serves one frame. The first step tries at least four bands spread over the frame,
+/// since edges of surfaces may cross two, the next steps the bands halfway between those. A band is
+/// left to method full in two cases: the nearest tried bands above and below it have each cost more
+/// than method full, or their gains and twice the mean gain of all tried bands add up to a loss.
+/// Decisions depend on the noted gains only.
 class BandOrder {
  public:
   explicit BandOrder(int bands)
@@ -46,7 +47,7 @@ class BandOrder {
         decided = 1;
       }
       if (is_first_)
-        stride_ = kSecond;
+        stride_ = std::min(stride_, kSecond);
       else
         stride_ = all.gained == all.tried && stride_ > 1 ? 1 : stride_ / 2;
       is_first_ = false;
@@ -59,19 +60,24 @@ class BandOrder {
     LENTICULE_CHECK(decided_[static_cast<size_t>(band)] != 0);
     gains_[static_cast<size_t>(band)] = gain;
   }
-  /// Returns true if the bands tried so far have cost more than with method full. A single band is
-  /// not enough evidence, nor are few bands of which some have gained.
+  /// Returns true if the bands tried so far have cost more than with method full. Few bands are not
+  /// enough evidence.
   [[nodiscard]] bool loses() const {
     const Sum all = sum();
-    return all.tried >= (all.gained == 0 ? 2 : 4) && all.total < 0;
+    return all.tried >= kFewest && all.total < 0;
   }
 
  private:
   /// Distance of the bands of the step after the first.
   static constexpr int kSecond = 8;
+  /// Number of bands of the first step, if the frame has twice as many, or more.
+  static constexpr int kFewest = 4;
 
-  /// Returns the distance of the first bands: few, but two if possible.
-  static int first_stride(int bands) { return bands >= 8 * kSecond ? 4 * kSecond : 2 * kSecond; }
+  static int first_stride(int bands) {
+    int stride = 4 * kSecond;
+    while (stride > 2 && bands < kFewest * stride) stride /= 2;
+    return stride;
+  }
   /// The gains of all tried bands together.
   struct Sum {
     int64_t total = 0, tried = 0, gained = 0;

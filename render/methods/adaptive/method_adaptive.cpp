@@ -857,7 +857,7 @@ class AdaptiveMethod final : public Method {
               Tolerances::for_error(options.tolerated_error),
               selection_for(subpixels_of(planes_), options),
               most_mean_square(options)},
-        arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic),
+        arena_(arena_threads(options.threads)),
         band_works_(bands_at_once(planes_, arena_.max_concurrency())) {
     // A culling query costs as much as tracing many rays, and there are few samples, which have
     // many rays with soft light only.
@@ -1301,7 +1301,7 @@ std::unique_ptr<Method> make_method_adaptive(const optics::OpticalModel& model,
                                              const RenderOptions& options,
                                              const ItemWatcher& watcher) {
   if (!(options.tolerated_error >= 0.0) || !std::isfinite(options.tolerated_error))
-    throw Error(ErrorKind::Usage, "--error: not a number of code values",
+    throw Error(ErrorKind::Usage, "--error: not a number of code values, 0 or more",
                 "0 gives exactly the frames of method full; 2 is a good compromise");
   if (options.tolerated_error == 0.0) return make_method_full(model, options);
   if (options.proven_rmse > 0.0 && options.soft.any())

@@ -361,7 +361,7 @@ class ReuseMethod final : public Method {
         plan_(model, options),
         geometry_{model.rig().panel.width_px, model.rig().panel.height_px,
                   frames::PixelFormat::Rgb8},
-        arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {
+        arena_(arena_threads(options.threads)) {
     if (options.keep_missing) missing_ = frames::WovenFrame(geometry_);
   }
 

@@ -106,6 +106,25 @@ AuditErrors errors_of(const std::vector<int>& errors, uint64_t exact = 0) {
   return all;
 }
 
+/// Two edges of a model cross a frame at a quarter and at three quarters of its height, say.
+TEST(BandOrder, TwoBandsThatLoseDoNotLeaveAFrameToFull) {
+  for (const int bands : {17, 34, 68, 135}) {
+    BandOrder order(bands);
+    const std::vector<int> first = order.next();
+    ASSERT_GE(first.size(), 4U) << bands;
+    EXPECT_LE(first.size(), 8U) << bands;
+    for (size_t n = 0; n < first.size(); ++n) order.note(first[n], n == 0 || n == 2 ? -90 : 100);
+    EXPECT_FALSE(order.loses()) << bands;
+    EXPECT_FALSE(order.next().empty()) << bands;
+  }
+}
+
+TEST(BandOrder, AFrameWhoseFirstBandsLoseIsLeftToFull) {
+  BandOrder order(68);
+  for (const int band : order.next()) order.note(band, -1);
+  EXPECT_TRUE(order.loses());
+}
+
 TEST(AuditErrors, HaveMeanAndStandardErrorOfTheirSquares) {
   const AuditErrors none;
   EXPECT_EQ(none.mean_square(), 0.0);

@@ -74,7 +74,9 @@ TEST(MethodAdaptive, IsCloseToFullOnEveryScene) {
       EXPECT_LT(off.far_off, 0.004) << named.name << managed;
       EXPECT_LE(off.beyond, s.beyond_bound) << named.name << managed;
       EXPECT_EQ(s.interpolated_subpixels + s.traced_subpixels, s.subpixels);
-      EXPECT_GT(s.audited_subpixels, s.subpixels / 1000);
+      if (s.interpolated_subpixels > 0) {
+        EXPECT_GT(s.audited_subpixels, s.subpixels / 1000);
+      }
       interpolated += s.interpolated_subpixels;
       shaded += s.traced_subpixels;
     }
@@ -249,8 +251,8 @@ TEST(MethodAdaptive, RetracesDetailMissedBySamples) {
   const Difference off = compare(full, adaptive);
   EXPECT_LE(off.beyond, s.beyond_bound);
   EXPECT_LT(off.beyond, 0.08);
-  ASSERT_EQ(s.retraced_subpixels, s.subpixels);
-  EXPECT_EQ(full, adaptive) << "what is retraced is as full renders it";
+  EXPECT_EQ(s.interpolated_subpixels, 0U);
+  EXPECT_EQ(full, adaptive);
 }
 
 TEST(MethodAdaptive, FallsBackToFullIfMostBandsWouldBeRetraced) {
@@ -382,8 +384,7 @@ TEST(MethodAdaptive, StatesNoErrorIfEveryBandComesFromFull) {
   RenderOptions options;
   promise_psnr(39.0, options);
   const RenderStatistics s = rendered("adaptive", wires(0.15), wide_rig(), options).statistics;
-  EXPECT_GT(s.audited_subpixels, 0U);
-  EXPECT_EQ(s.retraced_subpixels, s.subpixels);
+  EXPECT_EQ(s.interpolated_subpixels, 0U);
   EXPECT_EQ(s.rmse_bound, 0.0);
   EXPECT_EQ(s.beyond_bound, 0.0);
 }
