@@ -7,6 +7,7 @@
 
 #include <memory>
 #include <mutex>
+#include <thread>
 
 #include "base/error.h"
 
@@ -46,16 +47,17 @@ void validate(const SoftLight& soft) {
 }
 
 int arena_threads(int threads) {
-  using tbb::global_control;
   static std::mutex mutex;
-  static std::unique_ptr<global_control> limit;
+  static std::unique_ptr<tbb::global_control> limit;
+  static auto most = static_cast<int>(std::thread::hardware_concurrency());
   if (threads <= 0) return tbb::task_arena::automatic;
   const std::lock_guard lock(mutex);
-  const auto wanted = static_cast<size_t>(threads);
-  // Of several limits the lowest counts, so that a higher one replaces it.
-  if (wanted > global_control::active_value(global_control::max_allowed_parallelism)) {
+  if (threads > most) {
+    most = threads;
+    // Of several limits the lowest counts, so that a higher one replaces it.
     limit.reset();
-    limit = std::make_unique<global_control>(global_control::max_allowed_parallelism, wanted);
+    limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism,
+                                                  static_cast<size_t>(threads));
   }
   return threads;
 }
