@@ -6,10 +6,10 @@
 #include <atomic>
 #include <cstdlib>
 #include <mutex>
+#include <thread>
 #include <utility>
 
 #include "base/error.h"
-#include "render/options/render_options.h"
 
 namespace lenticule::render {
 
@@ -47,7 +47,9 @@ struct EmbreeDevice::Report {
 
 EmbreeDevice::EmbreeDevice(int threads) : report_(std::make_unique<Report>()) {
   std::string configuration = "ignore_config_files=1";
-  if (threads > 0) configuration += fmt::format(",threads={}", arena_threads(threads));
+  // Embree limits all of oneTBB to the threads that it is told, and to the number of cores.
+  if (threads > 0 && threads <= static_cast<int>(std::thread::hardware_concurrency()))
+    configuration += fmt::format(",threads={}", threads);
   // At a common edge of two triangles, kernels of different instruction sets may choose another
   // one.
   if (const char* isa = std::getenv("LENTICULE_EMBREE_ISA"); isa && *isa)

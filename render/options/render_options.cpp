@@ -5,9 +5,7 @@
 #include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/task_arena.h>
 
-#include <memory>
-#include <mutex>
-#include <thread>
+#include <cstddef>
 
 #include "base/error.h"
 
@@ -17,6 +15,11 @@ namespace {
 constexpr int kMostSamples = 4096;
 constexpr double kLargestLight = 1e6;
 constexpr double kLargestSun = 60.0;
+constexpr size_t kMostThreads = 1024;
+
+/// Without it oneTBB starts no more threads than the machine has cores; it prints a warning if it
+/// is made after the first use of oneTBB.
+const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism, kMostThreads);
 
 void check_count(const char* what, int count) {
   if (count < 0 || count > kMostSamples)
@@ -47,19 +50,7 @@ void validate(const SoftLight& soft) {
 }
 
 int arena_threads(int threads) {
-  static std::mutex mutex;
-  static std::unique_ptr<tbb::global_control> limit;
-  static auto most = static_cast<int>(std::thread::hardware_concurrency());
-  if (threads <= 0) return tbb::task_arena::automatic;
-  const std::lock_guard lock(mutex);
-  if (threads > most) {
-    most = threads;
-    // Of several limits the lowest counts, so that a higher one replaces it.
-    limit.reset();
-    limit = std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism,
-                                                  static_cast<size_t>(threads));
-  }
-  return threads;
+  return threads > 0 ? threads : tbb::task_arena::automatic;
 }
 
 }  // namespace lenticule::render

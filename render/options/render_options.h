@@ -247,9 +247,8 @@ struct RenderOptions {
   std::function<bool()> cancelled;
 };
 
-/// Returns how many threads an arena of oneTBB has for RenderOptions::threads, and lets oneTBB
-/// start so many, which without that are as many as the machine's cores at most. Thread safety:
-/// any.
+/// Returns the size of oneTBB's arena for RenderOptions::threads, which may be above the number of
+/// cores.
 [[nodiscard]] int arena_threads(int threads);
 
 }  // namespace lenticule::render
