@@ -7,11 +7,11 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <future>
 #include <map>
 #include <numbers>
 #include <utility>
 
+#include "base/worker_threads.h"
 #include "calib/fit/prediction.h"
 #include "calib/fit/projection.h"
 #include "calib/phone/phone_fit.h"
@@ -257,21 +257,19 @@ void set_aside(const PhonePhoto& photo, const std::string& reason, Calibration& 
 /// accuse the fourth of that.
 bool set_odd_aside(std::vector<PhonePhoto>& photos, const SinglePhotoChart& chart,
                    const Estimate& focal_px, JointResult& joint, Calibration& out) {
-  std::vector<std::future<JointResult>> rests;
-  for (size_t n = 0; n < photos.size() && photos.size() > kFewPhotos; ++n) {
+  std::vector<JointResult> rests(photos.size() > kFewPhotos ? photos.size() : 0);
+  WorkerThreads(0).run(static_cast<int>(rests.size()), [&](int n, int /*worker*/) {
     std::vector<PhonePhoto> others = photos;
-    others.erase(others.begin() + static_cast<ptrdiff_t>(n));
-    rests.push_back(std::async(std::launch::async, [others = std::move(others), &chart, &focal_px] {
-      return fit_jointly(others, chart, focal_px, true);
-    }));
-  }
+    others.erase(others.begin() + n);
+    rests[static_cast<size_t>(n)] = fit_jointly(others, chart, focal_px, true);
+  });
   std::optional<size_t> odd;
   size_t agreeing = 0;
   JointResult others;
   for (size_t n = 0; n < rests.size(); ++n)
-    if (JointResult rest = rests[n].get(); rest.agrees && ++agreeing == 1) {
+    if (rests[n].agrees && ++agreeing == 1) {
       odd = n;
-      others = std::move(rest);
+      others = std::move(rests[n]);
     }
   if (agreeing > 1) odd.reset();
   if (!odd && (!joint.fit || !joint.cause.empty())) return false;

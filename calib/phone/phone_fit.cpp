@@ -27,13 +27,13 @@
 #include <cmath>
 #include <complex>
 #include <functional>
-#include <future>
 #include <iterator>
 #include <numbers>
 #include <type_traits>
 #include <utility>
 
 #include "base/statistics.h"
+#include "base/worker_threads.h"
 #include "calib/fit/projection.h"
 #include "calib/linear_algebra.h"
 #include "optics/eye_simulator.h"
@@ -510,12 +510,13 @@ class Joint {
     if (!inverse) return std::nullopt;
     PhoneFit fit = finish(*inverse);
     if (plausible && !plausible(fit)) return fit;
-    std::vector<std::future<std::optional<TurnedFit>>> turned;
-    for (size_t n = 0; n < model_.seen().size(); ++n)
-      turned.push_back(
-          std::async(std::launch::async, [own = *this, n]() mutable { return own.turned_fit(n); }));
-    for (auto& one : turned)
-      if (auto found = one.get()) fit.turned.push_back(std::move(*found));
+    std::vector<std::optional<TurnedFit>> turned(model_.seen().size());
+    WorkerThreads(0).run(static_cast<int>(turned.size()), [this, &turned](int n, int /*worker*/) {
+      Joint own = *this;
+      turned[static_cast<size_t>(n)] = own.turned_fit(static_cast<size_t>(n));
+    });
+    for (auto& found : turned)
+      if (found) fit.turned.push_back(std::move(*found));
     return fit;
   }
 
@@ -528,15 +529,16 @@ class Joint {
       cost = cost_;
       spread = log_determinant(*inverse);
     }
-    std::vector<std::future<std::optional<Explanation>>> all;
-    for (size_t n = only.value_or(0); n <= only.value_or(model_.seen().size() - 1); ++n)
-      for (size_t k = 0; k < std::size(kMistakes); ++k)
-        all.push_back(std::async(std::launch::async, [own = *this, n, k, cost, spread]() mutable {
-          return own.explanation(n, k, cost, spread);
-        }));
+    constexpr size_t kKinds = std::size(kMistakes);
+    std::vector<std::optional<Explanation>> all(kKinds * (only ? 1 : model_.seen().size()));
+    WorkerThreads(0).run(static_cast<int>(all.size()), [&, this](int job, int /*worker*/) {
+      Joint own = *this;
+      const auto n = static_cast<size_t>(job);
+      all[n] = own.explanation(only.value_or(0) + n / kKinds, n % kKinds, cost, spread);
+    });
     std::vector<Explanation> out;
-    for (auto& one : all)
-      if (const auto found = one.get()) out.push_back(*found);
+    for (const auto& found : all)
+      if (found) out.push_back(*found);
     std::ranges::sort(out, std::greater{}, &Explanation::evidence);
     return out;
   }

@@ -97,9 +97,10 @@ struct SoundPlayer::Item {
     const bool begins = number.exchange(as_number) != as_number;
     if (slot == nullptr) return;
     if (SoundTime& time = player.mixer_.time_of(as_number); begins) {
-      time.item.store(as_number);
+      time.item.store(SoundSlot::kNoItem);  // until its times are 0
       time.heard.store(0);
       time.silent.store(0);
+      time.item.store(as_number);
     }
     slot->rounds.store(rounds);
     slot->item.store(as_number);

@@ -178,7 +178,7 @@ class HandHeldPhotos {
 
   calib::SinglePhotoChart chart_;
   std::optional<double> given_focal_px_;
-  std::vector<calib::Estimate> focal_px_;  ///< of the photographs that can be used
+  std::vector<calib::Estimate> focal_px_;  ///< one of each usable photograph
   std::vector<calib::PhonePhoto> photos_;
   std::vector<std::filesystem::path> files_;
   calib::CameraFacts camera_{.channels = 3, .pixel_format = "photograph"};

@@ -287,7 +287,7 @@ class PhotoSession {
   }
 
   std::array<Entry, kPhotoPlaces.size()> entries_;
-  ordered_json stated_lenses_ = ordered_json::array();  ///< by each fit, the newest last
+  ordered_json stated_lenses_ = ordered_json::array();  ///< what each fit states, the newest last
   bool agree_ = false;
   nlohmann::ordered_json reasons_ = nlohmann::ordered_json::array();
 };

@@ -126,12 +126,12 @@ TEST_F(CApi, APlayerOfWovenFramesRefusesViews) {
 
 TEST_F(CApi, PassesTheHelloToThePlayer) {
   lenticule_hello hello = LENTICULE_HELLO_INIT;
-  hello.name = "somebody's renderer";
+  hello.name = "example renderer";
   hello.rate_numerator = 60000;
   hello.rate_denominator = 1001;
   hello.frame_count = 0;
   ASSERT_EQ(connect(&hello), LENTICULE_OK) << error_;
-  EXPECT_EQ(test::statistics_of(*player_).renderer_name, "somebody's renderer");
+  EXPECT_EQ(test::statistics_of(*player_).renderer_name, "example renderer");
   EXPECT_EQ(player_->rate(), (Rate{60000, 1001}));
   EXPECT_EQ(player_->frame_count(), 0u);
 }
