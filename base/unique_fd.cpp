@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/unique_fd.h"
 
-#include <fmt/format.h>
 #include <sys/eventfd.h>
 
 #include <cerrno>

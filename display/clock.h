@@ -3,7 +3,6 @@
 // time.
 #pragma once
 
-#include <fmt/format.h>
 #include <poll.h>
 #include <sys/timerfd.h>
 #include <unistd.h>

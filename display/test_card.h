@@ -3,7 +3,6 @@
 // sheet, and patterns that reveal whether the link or the panel alters pixels.
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
 #include <vector>

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <csetjmp>
-#include <cstdio>
 #include <memory>
 
 // Follows <cstdio>, which it needs.

@@ -12,8 +12,6 @@
 // Cells state their offsets from the pixel's centre instead, v upward. lambda = z - 1/2.
 #pragma once
 
-#include <fmt/format.h>
-
 #include <array>
 #include <cmath>
 #include <numbers>

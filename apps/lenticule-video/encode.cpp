@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule-video encode encodes raw frames from standard input into a lossless Matroska file,
 // which is its standard output.
-#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "display/open/open_display.h"
 
-#include <fmt/format.h>
-
 #include <utility>
 
 #include "base/error_kinds.h"

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/control/control_protocol.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 

@@ -4,14 +4,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <ctime>
 #include <iterator>
 #include <numeric>
 
 #include "base/error.h"
-#include "base/file.h"
 #include "base/numbers.h"
 #include "base/text.h"
 #include "frames/quilt.h"

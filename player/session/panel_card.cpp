@@ -3,8 +3,6 @@
 
 #include <fmt/format.h>
 
-#include "base/error.h"
-
 namespace lenticule::player {
 namespace {
 

@@ -4,13 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <atomic>
 #include <cmath>
 #include <exception>
 #include <map>
 #include <mutex>
-#include <string_view>
 #include <thread>
 #include <utility>
 

@@ -10,14 +10,12 @@
 #include <iterator>
 #include <string_view>
 #include <utility>
-#include <vector>
 
 #include "base/error.h"
 #include "base/numbers.h"
 #include "base/text.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
-#include "frames/views_input/content_name.h"
 #include "player/sources/video_probe.h"
 
 namespace lenticule::player {

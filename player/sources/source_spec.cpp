@@ -6,10 +6,8 @@
 #include <algorithm>
 #include <array>
 #include <system_error>
-#include <utility>
 
 #include "base/error.h"
-#include "base/file.h"
 #include "base/numbers.h"
 #include "base/text.h"
 #include "frames/capture/pixel_layout.h"

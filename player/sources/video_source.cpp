@@ -10,7 +10,6 @@
 #include <atomic>
 #include <cmath>
 #include <deque>
-#include <limits>
 #include <string_view>
 #include <utility>
 

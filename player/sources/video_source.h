@@ -10,7 +10,6 @@
 #include <limits>
 #include <memory>
 #include <optional>
-#include <string>
 
 #include "frames/frame_source.h"
 #include "player/sources/source_spec.h"

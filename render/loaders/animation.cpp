@@ -13,7 +13,6 @@
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"
-#include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 
 namespace lenticule::render {

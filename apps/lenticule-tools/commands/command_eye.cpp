@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule eye simulates what an eye at a given place sees on a woven frame.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>

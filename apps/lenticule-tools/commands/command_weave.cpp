@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule weave weaves one set of views into the frame of a rig.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule panels lists the connected panels and the rig of each.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <filesystem>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule report sums what players have shown, from the entries in the journal.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>

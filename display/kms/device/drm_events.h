@@ -4,7 +4,6 @@
 #pragma once
 
 #include <drm.h>
-#include <fmt/format.h>
 #include <poll.h>
 #include <sys/epoll.h>
 #include <unistd.h>

@@ -2,7 +2,6 @@
 // The objects of libdrm, their properties, and requests that change them.
 #pragma once
 
-#include <fmt/format.h>
 #include <xf86drm.h>
 #include <xf86drmMode.h>
 

@@ -2,7 +2,6 @@
 #include "display/kms/device/platform.h"
 
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <libudev.h>
 #include <sys/mman.h>
 #include <unistd.h>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SeatSession is a session managed by libseat, which takes the card away and returns it when the
 // user switches virtual terminals.
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <cerrno>

@@ -2,8 +2,6 @@
 // OutputRequest is what the user asks for: an output, the panel on it and its mode.
 #pragma once
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cstddef>
 #include <optional>

@@ -3,8 +3,6 @@
 // over the buffers or the mode of the previous user of the card, or by a modeset.
 #pragma once
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <atomic>

@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 #include <meshoptimizer.h>
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string_view>
