@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule {
 namespace {
@@ -21,8 +21,8 @@ Isa named_isa(const std::string& name) {
   for (const Isa isa : {Isa::Baseline, Isa::Neon, Isa::Avx2, Isa::Avx512}) {
     if (name == isa_name(isa)) return isa;
   }
-  throw Error(ErrorKind::Usage, "LENTICULE_ISA: no instruction set '" + name + "'",
-              "use baseline, neon, avx2 or avx512");
+  throw usage_error("LENTICULE_ISA: no instruction set '{}'", name)
+      .remedy("use baseline, neon, avx2 or avx512");
 }
 
 }  // namespace

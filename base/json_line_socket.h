@@ -3,7 +3,6 @@
 // the control socket of a player. No call waits longer than it is told.
 #pragma once
 
-#include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -20,7 +19,7 @@
 #include <thread>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/packet.h"
 #include "base/text.h"
@@ -64,7 +63,7 @@ class JsonLineSocket {
       if (more == 0 || errno != EAGAIN) return;
       pollfd entry{.fd = fd_.get(), .events = POLLOUT, .revents = 0};
       if (poll(&entry, 1, left_ms(deadline)) <= 0)
-        throw Error(ErrorKind::Device, socket_ + ": the player does not read", options_.gone);
+        throw device_error("{}: the player does not read", socket_).remedy(options_.gone);
     }
   }
   /// Returns the next line; none if no line arrived in time or `stop_fd` is readable. Throws
@@ -100,8 +99,7 @@ class JsonLineSocket {
     ordered_json line = ordered_json::parse(in_.substr(0, end), nullptr, false);
     in_.erase(0, end + 1);
     if (!line.is_object())
-      throw Error(ErrorKind::Failed,
-                  socket_ + ": the other end does not speak the control protocol");
+      throw failed_error("{}: the other end does not speak the control protocol", socket_);
     return line;
   }
   /// Reads what is there, and the descriptor that comes with it. Returns false at the end.
@@ -115,19 +113,18 @@ class JsonLineSocket {
     return true;
   }
   [[noreturn]] void fail_gone() const {
-    throw Error(ErrorKind::Device, socket_ + ": the player closed the connection", options_.gone);
+    throw device_error("{}: the player closed the connection", socket_).remedy(options_.gone);
   }
   [[noreturn]] void fail_to_connect(int error) const {
     struct stat status {};
     if (error == EACCES || error == EPERM)
-      throw Error(ErrorKind::Device, fmt::format("{}: {}", socket_, std::strerror(error)),
-                  "use the player's account, root, or a member of the player's --control-group");
+      throw device_error("{}: {}", socket_, std::strerror(error))
+          .remedy("use the player's account, root, or a member of the player's --control-group");
     if (error == ECONNREFUSED && ::stat(socket_.c_str(), &status) == 0 && !S_ISSOCK(status.st_mode))
-      throw Error(ErrorKind::Device,
-                  fmt::format("{}: it is {}, not a socket", socket_, kind_of_file(status.st_mode)),
-                  "name the socket that a player was started with: --control SOCKET");
-    throw Error(ErrorKind::Device, fmt::format("{}: no player: {}", socket_, std::strerror(error)),
-                options_.no_player);
+      throw device_error("{}: it is {}, not a socket", socket_, kind_of_file(status.st_mode))
+          .remedy("name the socket that a player was started with: --control SOCKET");
+    throw device_error("{}: no player: {}", socket_, std::strerror(error))
+        .remedy(options_.no_player);
   }
 
   std::string socket_;

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <array>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/text.h"
 
 namespace lenticule {
@@ -66,8 +66,7 @@ void refuse_misnamed(int file, const std::string& name) {
   const auto is_control = [](char c) { return c >= '\0' && c < '\t'; };
   if (!is && !head.empty() && std::ranges::none_of(head, is_control))
     is = {"a text, not the file", kPage.remedy};
-  if (is)
-    throw Error(ErrorKind::Input, name + ": " + std::string(is->what), std::string(is->remedy));
+  if (is) throw input_error("{}: {}", name, is->what).remedy(std::string(is->remedy));
 }
 
 }  // namespace lenticule

@@ -14,7 +14,7 @@
 #include <mutex>
 #include <string>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 
 namespace lenticule {
@@ -78,17 +78,15 @@ inline void require_writable_place(const std::filesystem::path& file) {
   struct stat status {};
   const bool found = ::stat(folder.c_str(), &status) == 0;
   if (!found && (errno == ENOENT || errno == ENOTDIR))
-    throw Error(ErrorKind::Failed, file.string() + ": cannot write: its folder does not exist",
-                "create the folder first");
+    throw failed_error("{}: cannot write: its folder does not exist", file.string())
+        .remedy("create the folder first");
   if (found && !S_ISDIR(status.st_mode))
-    throw Error(ErrorKind::Failed,
-                file.string() + ": cannot write: " + folder.string() + " is not a folder",
-                "choose a file in an existing folder");
+    throw failed_error("{}: cannot write: {} is not a folder", file.string(), folder.string())
+        .remedy("choose a file in an existing folder");
   if (::stat(file.c_str(), &status) == 0 && !S_ISREG(status.st_mode))
-    throw Error(ErrorKind::Failed,
-                file.string() + ": cannot write: it is " + kind_of_file(status.st_mode) +
-                    ", not a regular file",
-                "use another name");
+    throw failed_error("{}: cannot write: it is {}, not a regular file", file.string(),
+                       kind_of_file(status.st_mode))
+        .remedy("use another name");
 }
 
 }  // namespace lenticule

@@ -2,8 +2,6 @@
 // Decodes the keys of calibration by eye: from a terminal's bytes, and from scripts.
 #pragma once
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <optional>
@@ -12,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 
 namespace lenticule {
@@ -188,11 +186,10 @@ inline int take_count(std::string_view& word) {
       const int count = take_count(word);
       const auto press = press_of_word(word);
       if (count < 1 || !press)
-        throw Error(ErrorKind::Input, fmt::format("{}:{}: unknown key '{}'", source, line, whole),
-                    "keys are written as left, shift+up, ctrl+right*3, enter, space, escape, u");
+        throw input_error("{}:{}: unknown key '{}'", source, line, whole)
+            .remedy("keys are written as left, shift+up, ctrl+right*3, enter, space, escape, u");
       if (static_cast<size_t>(count) + presses.size() > size_t{kMaxScriptPresses})
-        throw Error(ErrorKind::Input,
-                    fmt::format("{}:{}: more than {} presses", source, line, kMaxScriptPresses));
+        throw input_error("{}:{}: more than {} presses", source, line, kMaxScriptPresses);
       presses.insert(presses.end(), static_cast<size_t>(count), *press);
     }
   }

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "frames/quilt.h"
 #include "frames/weave.h"
 #include "optics/row_rays.h"
@@ -49,10 +49,9 @@ std::array<uint8_t, 3> heat_of(int levels) {
 
 void require_same_size(const FrameView& reference, const FrameView& test) {
   if (reference.geometry != test.geometry)
-    throw Error(ErrorKind::Input,
-                fmt::format("test picture: {} pixels, but the reference has {}",
-                            size_text(test.geometry), size_text(reference.geometry)),
-                "compare pictures of one size");
+    throw input_error("test picture: {} pixels, but the reference has {}", size_text(test.geometry),
+                      size_text(reference.geometry))
+        .remedy("compare pictures of one size");
 }
 
 void Difference::add(const Difference& other) {
@@ -127,11 +126,10 @@ std::vector<Difference> compare_views(const FrameView& reference, const FrameVie
   const optics::Panel& panel = model.rig().panel;
   const FrameGeometry& geometry = reference.geometry;
   if (geometry.width != panel.width_px || geometry.height != panel.height_px)
-    throw Error(ErrorKind::Input,
-                fmt::format("pictures of {} pixels: the rig's panel has {} x {}",
-                            size_text(geometry), panel.width_px, panel.height_px));
+    throw input_error("pictures of {} pixels: the rig's panel has {} x {}", size_text(geometry),
+                      panel.width_px, panel.height_px);
   if (views < 1 || views > kMaxViews)
-    throw Error(ErrorKind::Usage, fmt::format("{} views: not in 1 ... {}", views, kMaxViews));
+    throw usage_error("{} views: not in 1 ... {}", views, kMaxViews);
 
   std::vector<Difference> differences(static_cast<size_t>(views));
   const optics::RowRayEvaluator evaluator(model);

@@ -23,7 +23,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "frames/frame_source.h"
 #include "frames/image_io.h"
@@ -261,10 +261,9 @@ class DecodedSource : public FrameSource {
   for (const uint64_t number : numbers) {
     const uint64_t expected = numbers.front() + files.size();
     if (number != expected)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: missing between {} and {}", pattern.path(expected).string(),
-                              pattern.path(numbers.front()).filename().string(),
-                              pattern.path(numbers.back()).filename().string()));
+      throw input_error("{}: missing between {} and {}", pattern.path(expected).string(),
+                        pattern.path(numbers.front()).filename().string(),
+                        pattern.path(numbers.back()).filename().string());
     files.push_back(pattern.path(number));
   }
   return files;

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <array>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/text.h"
 #include "frames/image_io.h"
 
@@ -199,9 +199,7 @@ bool header_fits(ImageFormat format, std::span<const uint8_t> bytes) {
 
 void check_picture_size(const std::string& name, uint64_t width, uint64_t height,
                         uint64_t max_pixels) {
-  const auto fail = [&](const std::string& cause) {
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", name, cause));
-  };
+  const auto fail = [&](const std::string& cause) { throw input_error("{}: {}", name, cause); };
   if (width < 1 || height < 1) fail("not a two-dimensional picture with pixels");
   if (width > kMaxImageSide || height > kMaxImageSide)
     fail(fmt::format("{} x {} pixels, the limit is {} per side", width, height, kMaxImageSide));

@@ -10,7 +10,7 @@
 #include <optional>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/numbers.h"
 #include "frames/image_format.h"
@@ -35,8 +35,8 @@ ImageFormat writable_format(const std::filesystem::path& file) {
     default:
       break;
   }
-  throw Error(ErrorKind::Usage, fmt::format("{}: unknown picture format", file.string()),
-              "use a name that ends in .png, .tif, .tiff, .exr or .ppm");
+  throw usage_error("{}: unknown picture format", file.string())
+      .remedy("use a name that ends in .png, .tif, .tiff, .exr or .ppm");
 }
 
 class InThisProcess final : public PictureFileReader {
@@ -64,16 +64,14 @@ const PictureFileReader& reader() {
 void refuse_tags_of_woven(const std::filesystem::path& file, const PictureInfo& info) {
   constexpr double kSquare = 0.005;
   if (info.orientation != Orientation::Upright)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: its orientation tag is {}, and woven frames are never rotated",
-                            file.string(), static_cast<int>(info.orientation)),
-                "remove the tag, or rotate the views before they are woven");
+    throw input_error("{}: its orientation tag is {}, and woven frames are never rotated",
+                      file.string(), static_cast<int>(info.orientation))
+        .remedy("remove the tag, or rotate the views before they are woven");
   if (std::abs(info.pixel_aspect - 1.0) > kSquare)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: its pixels are tagged {:.3g} times as wide as high, and woven "
-                            "frames are never scaled",
-                            file.string(), info.pixel_aspect),
-                "remove the tag, or scale the views before they are woven");
+    throw input_error(
+        "{}: its pixels are tagged {:.3g} times as wide as high, and woven frames are never scaled",
+        file.string(), info.pixel_aspect)
+        .remedy("remove the tag, or scale the views before they are woven");
 }
 
 /// FrameSink fills a frame that it allocates only when the first rows are decoded, so that a header
@@ -89,10 +87,9 @@ class FrameSink final : public PictureSink {
     info_ = info;
     const FrameGeometry found = oriented_geometry(info.geometry, info.orientation);
     if (expected_ && found != *expected_)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: {} x {} pixels where {} x {} are expected", file_.string(),
-                              found.width, found.height, expected_->width, expected_->height),
-                  "all pictures must have one size");
+      throw input_error("{}: {} x {} pixels where {} x {} are expected", file_.string(),
+                        found.width, found.height, expected_->width, expected_->height)
+          .remedy("all pictures must have one size");
   }
   std::span<uint8_t> rows(int y, int rows) override {
     WovenFrame& stored = turns() ? stored_ : frame_;
@@ -318,8 +315,7 @@ void write_woven(const FrameView& frame, const std::filesystem::path& file) {
   const ImageFormat format = writable_format(file);
   if (frame.geometry.format != PixelFormat::Rgb8 || frame.geometry.width < 1 ||
       frame.geometry.height < 1)
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: only 8-bit RGB frames can be written", file.string()));
+    throw failed_error("{}: only 8-bit RGB frames can be written", file.string());
   LENTICULE_CHECK(frame.bytes.size() == frame.geometry.frame_bytes());
   write_file_atomically(file, picture_codec(format).encode(frame, format, file.string()));
 }
@@ -331,8 +327,8 @@ namespace {
 constexpr int kMaxDigits = 18;
 
 [[noreturn]] void reject(const std::string& pattern, const char* cause) {
-  throw Error(ErrorKind::Usage, fmt::format("pattern '{}': {}", pattern, cause),
-              "write one %d or %05d in the file's name, for example out/%05d.png");
+  throw usage_error("pattern '{}': {}", pattern, cause)
+      .remedy("write one %d or %05d in the file's name, for example out/%05d.png");
 }
 
 bool is_digit(char c) {
@@ -414,8 +410,8 @@ std::vector<uint64_t> FilePattern::existing_or_throw() const {
   std::vector<uint64_t> numbers = existing();
   if (!numbers.empty()) return numbers;
   const std::vector<Named> others = similar();
-  throw Error(ErrorKind::Input, fmt::format("{}: no such files", pattern_),
-              others.empty()
+  throw input_error("{}: no such files", pattern_)
+      .remedy(others.empty()
                   ? "%05d stands for a number of five digits, %d for one of any length"
                   : fmt::format("there are files with {} digits: '{}%0{}d{}'",
                                 others.front().digits, prefix_, others.front().digits, suffix_));

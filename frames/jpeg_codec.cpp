@@ -11,7 +11,7 @@
 // Follows jpeglib.h, which it needs.
 #include <jerror.h>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/text.h"
 #include "frames/exif_tags.h"
 #include "frames/picture_codec.h"
@@ -102,7 +102,7 @@ class JpegReader {
   }
 
   [[noreturn]] void fail(const std::string& cause) const {
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, cause), kPictureRemedy);
+    throw input_error("{}: {}", name_, cause).remedy(kPictureRemedy);
   }
 
   std::string name_;

@@ -10,7 +10,7 @@
 #include <memory>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "frames/exif_tags.h"
 #include "frames/srgb.h"
 
@@ -119,7 +119,7 @@ class PngReader {
   }
 
   [[noreturn]] void fail(const std::string& cause) const {
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, cause));
+    throw input_error("{}: {}", name_, cause);
   }
 
   std::string name_;
@@ -169,8 +169,7 @@ class PngCodec final : public PictureCodec {
     const auto require = [&](int result) {
       if (result == SPNG_EMEM) throw std::bad_alloc();
       if (result != SPNG_OK)
-        throw Error(ErrorKind::Failed,
-                    fmt::format("{}: cannot encode: {}", name, spng_strerror(result)));
+        throw failed_error("{}: cannot encode: {}", name, spng_strerror(result));
     };
     spng_ihdr header{.width = static_cast<uint32_t>(frame.geometry.width),
                      .height = static_cast<uint32_t>(frame.geometry.height),

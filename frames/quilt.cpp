@@ -8,7 +8,7 @@
 #include <cmath>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/text.h"
 #include "frames/decoded_source.h"
@@ -26,8 +26,8 @@ bool sensible_aspect(double aspect) {
 
 void require_aspect(double aspect, const std::string& context) {
   if (!sensible_aspect(aspect))
-    throw Error(ErrorKind::Usage, fmt::format("{}: aspect {} is out of range", context, aspect),
-                "the aspect of a view is its width over its height, for example 0.75");
+    throw usage_error("{}: aspect {} is out of range", context, aspect)
+        .remedy("the aspect of a view is its width over its height, for example 0.75");
 }
 
 bool sensible_grid(int columns, int rows) {
@@ -78,14 +78,13 @@ std::optional<QuiltLayout> take_layout(std::string_view text) {
 
 void check_quilt_layout(const QuiltLayout& layout, const std::string& context) {
   if (!sensible_grid(layout.columns, layout.rows))
-    throw Error(ErrorKind::Usage,
-                fmt::format("{}: a grid of {} x {} tiles is not supported", context, layout.columns,
-                            layout.rows),
-                fmt::format("columns and rows must be at least 1, and their product at most {}",
+    throw usage_error("{}: a grid of {} x {} tiles is not supported", context, layout.columns,
+                      layout.rows)
+        .remedy(fmt::format("columns and rows must be at least 1, and their product at most {}",
                             kMaxViews));
   if (layout.views < 0 || layout.views > layout.columns * layout.rows)
-    throw Error(ErrorKind::Usage, fmt::format("{}: {} views in a grid of {} x {} tiles", context,
-                                              layout.views, layout.columns, layout.rows));
+    throw usage_error("{}: {} views in a grid of {} x {} tiles", context, layout.views,
+                      layout.columns, layout.rows);
   if (layout.aspect) require_aspect(*layout.aspect, context);
 }
 
@@ -104,9 +103,8 @@ TileSize tile_size(const FrameGeometry& quilt, const QuiltLayout& layout, const 
   check_quilt_layout(layout, name);
   const TileSize tile{.width = quilt.width / layout.columns, .height = quilt.height / layout.rows};
   if (tile.width < 1 || tile.height < 1)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {} x {} pixels are too few for {} x {} tiles", name, quilt.width,
-                            quilt.height, layout.columns, layout.rows));
+    throw input_error("{}: {} x {} pixels are too few for {} x {} tiles", name, quilt.width,
+                      quilt.height, layout.columns, layout.rows);
   return tile;
 }
 
@@ -153,8 +151,7 @@ ViewSet ViewSet::borrow(std::span<const FrameView> views, std::optional<double> 
 
 void ViewSet::take(std::span<const FrameView> views, std::optional<double> aspect) {
   if (views.empty() || views.size() > static_cast<size_t>(kMaxViews))
-    throw Error(ErrorKind::Input,
-                fmt::format("{} views; 1 to {} are supported", views.size(), kMaxViews));
+    throw input_error("{} views; 1 to {} are supported", views.size(), kMaxViews);
   const FrameGeometry& geometry = views.front().geometry;
   for (const FrameView& picture : views) {
     if (picture.geometry != geometry || geometry.width < 1 || geometry.height < 1)

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <optional>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 
 namespace lenticule::frames {
@@ -17,8 +17,8 @@ constexpr int64_t kMaxSecondsPerFrame = 3600;
 constexpr int kMaxDecimals = 6;
 
 [[noreturn]] void reject(std::string_view text) {
-  throw Error(ErrorKind::Usage, fmt::format("rate '{}': not a rate", text),
-              "write frames per second: 60, 59.94, 12.5 or 24000/1001");
+  throw usage_error("rate '{}': not a rate", text)
+      .remedy("write frames per second: 60, 59.94, 12.5 or 24000/1001");
 }
 
 /// Returns a > factor * b for positive numbers, without the product, which may overflow.
@@ -46,8 +46,8 @@ Rate make_rate(int64_t numerator, int64_t denominator) {
   const bool positive = numerator > 0 && denominator > 0;
   if (!positive || exceeds(numerator, kMaxRate, denominator) ||
       exceeds(denominator, kMaxSecondsPerFrame, numerator))
-    throw Error(ErrorKind::Usage, fmt::format("rate {}/{}: out of range", numerator, denominator),
-                "write 1/3600 to 10000 frames per second, for example 24");
+    throw usage_error("rate {}/{}: out of range", numerator, denominator)
+        .remedy("write 1/3600 to 10000 frames per second, for example 24");
   const int64_t divisor = std::gcd(numerator, denominator);
   return {numerator / divisor, denominator / divisor};
 }

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frames/weave.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "frames/srgb.h"
 #include "optics/eye_simulator.h"
 
@@ -44,7 +42,7 @@ Value parse_name(const std::array<Name<Value>, N>& names, const std::string& tex
     if (text == name.text) return name.value;
     known += (known.empty() ? "" : ", ") + std::string(name.text);
   }
-  throw Error(ErrorKind::Usage, fmt::format("{} '{}': unknown", what, text), "one of " + known);
+  throw usage_error("{} '{}': unknown", what, text).remedy("one of " + known);
 }
 
 template <class Value, size_t N>

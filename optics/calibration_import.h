@@ -73,7 +73,7 @@ inline SubpixelOffset cell_offset(const JsonFields& cell, const std::string& cha
 
 inline std::vector<PixelCell> read_cells(const nlohmann::json& list, const std::string& source) {
   if (!list.is_array() || list.empty() || list.size() > 64)
-    throw Error(ErrorKind::Input, source + ": subpixelCells: not a list of 1 to 64 cells");
+    throw input_error("{}: subpixelCells: not a list of 1 to 64 cells", source);
   std::vector<PixelCell> cells;
   for (const nlohmann::json& item : list) {
     const JsonFields cell(item, source + ": subpixelCells");

@@ -27,8 +27,7 @@ class JsonFields {
   /// Takes the hint of all errors. Throws Error(Input) unless `object` is a JSON object.
   JsonFields(const nlohmann::json& object, std::string source, std::string remedy = {})
       : object_(object), source_(std::move(source)), remedy_(std::move(remedy)) {
-    if (!object.is_object())
-      throw Error(ErrorKind::Input, source_ + ": not a JSON object", remedy_);
+    if (!object.is_object()) throw input_error("{}: not a JSON object", source_).remedy(remedy_);
   }
 
   /// Returns the unwrapped value of a key, or null.
@@ -139,7 +138,7 @@ inline constexpr size_t kMostTextBytes = 1024;
   try {
     nlohmann::json document = nlohmann::json::parse(text, shallow);
     if (!is_deep) return document;
-    throw Error(ErrorKind::Input, source + ": nested too deeply", remedy);
+    throw input_error("{}: nested too deeply", source).remedy(remedy);
   } catch (const nlohmann::json::exception& error) {
     const std::string_view cause = error.what();  // begins with "[json.exception...] "
     throw input_error("{}: not JSON: {}", source, foreign_text(cause.substr(cause.find("] ") + 2)))

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule::optics {
 namespace {
@@ -54,8 +54,8 @@ Mounting mounting_named(std::string_view name) {
   const auto found = std::find_if(kMountings.begin(), kMountings.end(),
                                   [name](const auto& entry) { return name == entry.name; });
   if (found != kMountings.end()) return found->mounting;
-  throw Error(ErrorKind::Input, "mounting '" + std::string(name) + "': not a known name",
-              "use 0, 90, 180 or 270 (degrees clockwise), alone or after 'mirrored'");
+  throw input_error("mounting '{}': not a known name", name)
+      .remedy("use 0, 90, 180 or 270 (degrees clockwise), alone or after 'mirrored'");
 }
 
 std::string mounting_name(const Mounting& mounting) {
@@ -111,8 +111,8 @@ SubpixelLayout SubpixelLayout::named(const std::string& name) {
   if (name == "bgr") return {name, 1, 1, {stripes_across(kThird, kSecond, kFirst)}};
   if (name == "vrgb") return {name, 1, 1, {stripes_down(kFirst, kSecond, kThird)}};
   if (name == "vbgr") return {name, 1, 1, {stripes_down(kThird, kSecond, kFirst)}};
-  throw Error(ErrorKind::Input, "subpixel layout '" + name + "': not a known name",
-              "use rgb, bgr, vrgb, vbgr or a table of cells");
+  throw input_error("subpixel layout '{}': not a known name", name)
+      .remedy("use rgb, bgr, vrgb, vbgr or a table of cells");
 }
 
 SubpixelLayout SubpixelLayout::cells(int columns, int rows, std::vector<PixelCell> cells) {
@@ -120,8 +120,8 @@ SubpixelLayout SubpixelLayout::cells(int columns, int rows, std::vector<PixelCel
     throw Error(ErrorKind::Input, "subpixel layout: columns and rows must be 1 to 64");
   const size_t expected = static_cast<size_t>(columns) * static_cast<size_t>(rows);
   if (cells.size() != expected) {
-    throw Error(ErrorKind::Input, "subpixel layout: " + std::to_string(cells.size()) +
-                                      " cells where columns * rows = " + std::to_string(expected));
+    throw input_error("subpixel layout: {} cells where columns * rows = {}", cells.size(),
+                      expected);
   }
   for (const PixelCell& cell : cells) {
     for (const SubpixelOffset& offset : cell)

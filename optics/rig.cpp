@@ -257,7 +257,7 @@ std::optional<RigProblem> find_problem(const Rig& rig) {
 
 void validate_rig(const Rig& rig, const std::string& context) {
   if (const Problem p = find_problem(rig))
-    throw Error(ErrorKind::Input, context + ": " + p->key + ": " + p->cause, p->remedy);
+    throw input_error("{}: {}: {}", context, p->key, p->cause).remedy(p->remedy);
 }
 
 std::string fingerprint(const Rig& rig) {
@@ -313,8 +313,8 @@ LensSheet turned_sheet(const LensSheet& sheet, const Mounting& mounting) {
   if (mounting.swapped) std::swap(across, down);
   if (std::abs(down) > kMaxSlant * std::abs(across))
     throw input_error(
-        "mounting: a sheet of slant {} cannot be turned by 90 degrees: its "
-        "lenses would lie across the viewer's eyes",
+        "mounting: a sheet of slant {} cannot be turned by 90 degrees: its lenses would lie across "
+        "the viewer's eyes",
         sheet.slant)
         .remedy("measure or write the rig as the panel is seen, and add panel.mounting to it");
   if (mounting.reversed_columns) across = -across;

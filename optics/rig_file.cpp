@@ -369,8 +369,8 @@ fs::path copy_beside(const fs::path& file) {
       throw failed_error("{}: cannot copy the old rig: {}", copy.string(),
                          std::generic_category().message(error));
   }
-  throw Error(ErrorKind::Failed, file.string() + ": no free number for a copy of the old rig",
-              "move its old copies to another folder");
+  throw failed_error("{}: no free number for a copy of the old rig", file.string())
+      .remedy("move its old copies to another folder");
 }
 
 }  // namespace

@@ -34,7 +34,7 @@
 #include "apps/lenticule-video/av_handles.h"
 #include "apps/lenticule-video/hardware_decoders.h"
 #include "apps/lenticule-video/stream_pixels.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/misnamed_file.h"
 
@@ -190,7 +190,7 @@ inline constexpr const char* kSoundDecoders =
 
 [[noreturn]] inline void fail(const std::string& name, const std::string& cause,
                               const std::string& hint = {}) {
-  throw Error(ErrorKind::Input, name + ": " + cause, hint);
+  throw input_error("{}: {}", name, cause).remedy(hint);
 }
 
 inline int refuse_to_open(AVFormatContext*, AVIOContext**, const char*, int, AVDictionary**) {

@@ -23,7 +23,7 @@
 #include <memory>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule::video {
 namespace {
@@ -135,9 +135,8 @@ constexpr unsigned kInterface = 3;
 /// Throws for a negative errno value.
 void check(int result) {
   if (result < 0)
-    throw Error(ErrorKind::Failed,
-                std::string("decoder: cannot create the filter of system calls: ") +
-                    std::strerror(-result));
+    throw failed_error("decoder: cannot create the filter of system calls: {}",
+                       std::strerror(-result));
 }
 
 class Rules {

@@ -20,7 +20,7 @@
 #include "apps/lenticule-video/hardware_decoders.h"
 #include "apps/lenticule-video/pixel_convert.h"
 #include "apps/lenticule-video/subcommands.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/main_function.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
@@ -168,8 +168,7 @@ class Feed {
     bool resumes = request_.from > 0;
     for (uint64_t skip = request_.from;; resumes = false) {
       if (!play(skip, resumes)) return false;
-      if (clip_length_ == 0)
-        throw Error(ErrorKind::Input, request_.file + ": no frame could be decoded");
+      if (clip_length_ == 0) throw input_error("{}: no frame could be decoded", request_.file);
       report_clip();
       if (!request_.loop) break;
       // A decoder that continues another's work may not know the length of the clip.
@@ -186,13 +185,12 @@ class Feed {
  private:
   void check_layout(const PixelVerdict& verdict) const {
     if (!verdict.layout)
-      throw Error(ErrorKind::Input, request_.file + ": " + verdict.refusal,
-                  "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
+      throw input_error("{}: {}", request_.file, verdict.refusal)
+          .remedy("convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
     if (verdict.layout->subsampled() && !request_.before_weaving)
-      throw Error(ErrorKind::Input,
-                  request_.file + ": chroma " + verdict.sampling +
-                      " mixes the colours of neighbouring subpixels",
-                  "weave it from a quilt instead, or use --before-weaving");
+      throw input_error("{}: chroma {} mixes the colours of neighbouring subpixels", request_.file,
+                        verdict.sampling)
+          .remedy("weave it from a quilt instead, or use --before-weaving");
   }
   /// Plays the clip once; returns false if the player is gone.
   [[nodiscard]] bool play(uint64_t skip, bool resumes) {

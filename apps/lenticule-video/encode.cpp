@@ -29,7 +29,7 @@ constexpr int kSlicedSide = 256;
 constexpr int kFfv1Version = 3;  ///< first version with slices and their checksums
 
 [[noreturn]] void cannot_write(const std::string& cause) {
-  throw Error(ErrorKind::Failed, "standard output: cannot write: " + cause);
+  throw failed_error("standard output: cannot write: {}", cause);
 }
 
 void must(int result) {
@@ -51,8 +51,7 @@ bool read_frame(std::span<uint8_t> bytes) {
   while (done < bytes.size()) {
     const ssize_t n = ::read(STDIN_FILENO, bytes.data() + done, bytes.size() - done);
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0)
-      throw Error(ErrorKind::Failed, std::string("standard input: ") + std::strerror(errno));
+    if (n < 0) throw failed_error("standard input: {}", std::strerror(errno));
     if (n == 0 && done == 0) return false;
     if (n == 0) throw Error(ErrorKind::Input, "standard input: ends within a frame");
     done += static_cast<size_t>(n);
@@ -70,8 +69,7 @@ class Encoder {
     const bool x264 = request.codec == "x264rgb";
     const AVCodec* const codec = avcodec_find_encoder_by_name(x264 ? "libx264rgb" : "ffv1");
     if (codec == nullptr)
-      throw Error(ErrorKind::Failed, "encoder " + request.codec + ": not in this FFmpeg",
-                  "use ffv1");
+      throw failed_error("encoder {}: not in this FFmpeg", request.codec).remedy("use ffv1");
     AVFormatContext* format = nullptr;
     must(avformat_alloc_output_context2(&format, nullptr, "matroska", nullptr));
     format_.reset(format);
@@ -169,7 +167,7 @@ class Encoder {
 void check(const EncodeRequest& request) {
   const frames::FrameGeometry size{.width = request.width, .height = request.height};
   if (const char* problem = frames::geometry_problem(size, frames::kMinSlots))
-    throw Error(ErrorKind::Usage, std::string("--size: ") + problem);
+    throw usage_error("--size: {}", problem);
   struct stat status {};
   if (fstat(STDOUT_FILENO, &status) != 0 || !S_ISREG(status.st_mode))
     throw Error(ErrorKind::Usage, "standard output: not a file", "writing Matroska needs seeking");

@@ -69,8 +69,7 @@ fs::path state_folder(const Flags& flags) {
   }
   std::error_code error;
   if (fs::create_directories(folder, error)) fs::permissions(folder, fs::perms::owner_all, error);
-  if (!fs::is_directory(folder))
-    throw Error(ErrorKind::Failed, folder.string() + ": cannot be created");
+  if (!fs::is_directory(folder)) throw failed_error("{}: cannot be created", folder.string());
   return folder;
 }
 

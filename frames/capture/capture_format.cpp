@@ -14,7 +14,7 @@
 #include <optional>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule::frames::capture {
 
@@ -158,8 +158,8 @@ std::vector<Candidate> candidates(V4l2Device& device, const FormatRequest& reque
   if (names.empty()) names = "nothing";
   const std::string wanted =
       request.pixel_format.empty() ? "no known pixel format" : "no " + request.pixel_format;
-  throw Error(ErrorKind::Device, fmt::format("{}: {} among {}", path, wanted, names),
-              request.pixel_format.empty() ? "use another camera" : "use one of those");
+  throw device_error("{}: {} among {}", path, wanted, names)
+      .remedy(request.pixel_format.empty() ? "use another camera" : "use one of those");
 }
 
 struct Signal {
@@ -176,8 +176,8 @@ std::optional<Signal> follow_signal(V4l2Device& device, V4l2System& system,
   const bool unusable = error == ENOLINK || error == ENOLCK || error == ERANGE;
   const std::string problem = unusable ? error_text(error) : signal_problem(device);
   if (!problem.empty())
-    throw Error(ErrorKind::Device, path + ": no usable signal: " + problem,
-                "switch on the device that is connected to this input");
+    throw device_error("{}: no usable signal: {}", path, problem)
+        .remedy("switch on the device that is connected to this input");
   if (error != 0) return std::nullopt;
   const int refused = v4l2_call(device, VIDIOC_S_DV_TIMINGS, &timings);
   if (refused != 0) throw camera_failure(system, path, "follow the signal", refused);
@@ -190,8 +190,8 @@ std::optional<Signal> follow_signal(V4l2Device& device, V4l2System& system,
 
 void require_progressive(const v4l2_pix_format& got, const std::string& path) {
   if (got.field == V4L2_FIELD_NONE || got.field == V4L2_FIELD_ANY) return;
-  throw Error(ErrorKind::Device, path + ": the pictures are interlaced",
-              "choose a progressive mode, or use another camera");
+  throw device_error("{}: the pictures are interlaced", path)
+      .remedy("choose a progressive mode, or use another camera");
 }
 
 RawFormat raw_format(const v4l2_pix_format& got) {
@@ -276,10 +276,9 @@ AgreedFormat agree_on_format(V4l2Device& device, V4l2System& system, const std::
     const FrameSize size = wanted_size(request);
     if (request.for_display && request.width > 0 &&
         (raw->width != size.width || raw->height != size.height))
-      throw Error(ErrorKind::Device,
-                  fmt::format("{}: has no pictures of {}x{}; the nearest are {}x{}", path,
-                              size.width, size.height, raw->width, raw->height),
-                  "leave the size out, or use one that 'lenticule play SOURCE --preflight' lists");
+      throw device_error("{}: has no pictures of {}x{}; the nearest are {}x{}", path, size.width,
+                         size.height, raw->width, raw->height)
+          .remedy("leave the size out, or use one that 'lenticule play SOURCE --preflight' lists");
     const double rate = agree_on_rate(device, request.frames_per_second);
     return {.raw = *raw,
             .frames_per_second = rate > 0.0 || !signal ? rate : signal->frames_per_second};
@@ -358,16 +357,16 @@ V4l2Node find_camera(V4l2System& system, const std::string& wanted) {
         wanted == leaf(node.stable_path))
       return node;
   if (wanted.find('/') != std::string::npos) return {.path = wanted, .stable_path = {}};
-  throw Error(ErrorKind::Device, fmt::format("camera: none is called '{}'", wanted),
-              "'lenticule calibrate camera --list' lists the cameras");
+  throw device_error("camera: none is called '{}'", wanted)
+      .remedy("'lenticule calibrate camera --list' lists the cameras");
 }
 
 std::unique_ptr<V4l2Device> open_camera(V4l2System& system, const std::string& path,
                                         NodeFacts& facts) {
   std::unique_ptr<V4l2Device> device = open_node(system, path, facts);
   if (!facts.captures)
-    throw Error(ErrorKind::Device, path + ": not a camera",
-                "a USB camera has a second node for other data; use the other one");
+    throw device_error("{}: not a camera", path)
+        .remedy("a USB camera has a second node for other data; use the other one");
   return device;
 }
 

@@ -15,7 +15,7 @@
 #include <string>
 #include <string_view>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule::frames::capture {
 
@@ -234,8 +234,8 @@ inline constexpr int64_t kMaxPixels = int64_t{1} << 26;
 inline constexpr size_t kMaxBytesPerLine = size_t{1} << 20;
 
 [[noreturn]] inline void refuse_format(const std::string& camera, const std::string& cause) {
-  throw Error(ErrorKind::Device, camera + ": " + cause,
-              "choose another format or size ('lenticule calibrate camera --list')");
+  throw device_error("{}: {}", camera, cause)
+      .remedy("choose another format or size ('lenticule calibrate camera --list')");
 }
 
 /// Throws Error(Device) that names `camera` for a format that cannot be unpacked.

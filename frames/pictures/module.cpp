@@ -17,7 +17,7 @@
 #include <tuple>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/misnamed_file.h"
 #include "base/text.h"
 #include "frames/image_format.h"
@@ -291,7 +291,7 @@ class PictureReader {
   }
 
   [[noreturn]] void fail(const std::string& cause) const {
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, cause), kPictureRemedy);
+    throw input_error("{}: {}", name_, cause).remedy(kPictureRemedy);
   }
 
  private:
@@ -304,7 +304,7 @@ class PictureReader {
       const std::string extension = std::filesystem::path(lower_case(name_)).extension().string();
       const auto [is, remedy] =
           unknown_kind({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, extension);
-      throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, is), std::string(remedy));
+      throw input_error("{}: {}", name_, is).remedy(std::string(remedy));
     }
     if (!reaches_end_mark(format_, bytes)) fail("truncated");
     if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
@@ -573,7 +573,7 @@ class OiioCodec final : public PictureCodec {
     std::vector<uint8_t> bytes;
     OIIO::Filesystem::IOVecOutput memory(bytes);
     const auto fail = [&](const std::string& cause) {
-      throw Error(ErrorKind::Failed, fmt::format("{}: cannot encode: {}", name, cause));
+      throw failed_error("{}: cannot encode: {}", name, cause);
     };
     const std::unique_ptr<OIIO::ImageOutput> output =
         OIIO::ImageOutput::create(plugin_name(format));

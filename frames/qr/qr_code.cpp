@@ -8,7 +8,7 @@
 #include <array>
 #include <memory>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule::frames {
 namespace {
@@ -40,9 +40,8 @@ QrPlace place_qr_code(const QrCode& code, const FrameGeometry& panel) {
   const int room = std::min(panel.width, panel.height);
   const int module_px = room / modules;
   if (module_px < 1)
-    throw Error(ErrorKind::Input,
-                fmt::format("code: {} modules do not fit into {} pixels", modules, room),
-                "use a shorter text");
+    throw input_error("code: {} modules do not fit into {} pixels", modules, room)
+        .remedy("use a shorter text");
   return {.left = (panel.width - modules * module_px) / 2,
           .top = (panel.height - modules * module_px) / 2,
           .module_px = module_px};

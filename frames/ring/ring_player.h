@@ -25,7 +25,7 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/large_memory.h"
 #include "base/unique_fd.h"
 #include "frames/frame_source.h"
@@ -104,17 +104,15 @@ class RingMemory {
   }
 
   [[noreturn]] static void fail(const char* what) {
-    throw Error(ErrorKind::Failed, std::string("ring: ") + what + ": " + std::strerror(errno));
+    throw failed_error("ring: {}: {}", what, std::strerror(errno));
   }
 
   static void refuse_too_much(const RingLayout& layout) {
     const size_t available = available_memory();
     if (available == 0 || layout.memory_bytes <= available / 2) return;
-    throw Error(ErrorKind::Failed,
-                "ring: " + std::to_string(layout.slots) + " slots take " +
-                    mebibytes(layout.memory_bytes) + ", more than half of the free " +
-                    mebibytes(available),
-                "use at most " + std::to_string(available / 2 / layout.slot_stride) + " slots");
+    throw failed_error("ring: {} slots take {}, more than half of the free {}", layout.slots,
+                       mebibytes(layout.memory_bytes), mebibytes(available))
+        .remedy("use at most " + std::to_string(available / 2 / layout.slot_stride) + " slots");
   }
 
   static UniqueFd create_memory(size_t bytes) {
@@ -236,7 +234,7 @@ class RingPlayer final : public FrameSource {
 
   static RingLayout checked_layout(const RingOptions& options) {
     if (const char* problem = geometry_problem(options.geometry, options.slots))
-      throw Error(ErrorKind::Usage, std::string("ring: ") + problem);
+      throw usage_error("ring: {}", problem);
     if (options.geometry.format != PixelFormat::Rgb8)
       throw Error(ErrorKind::Usage, "ring: only 8-bit RGB frames can be played so far");
     RingLayout layout = plan_layout(options.geometry, options.slots);
@@ -273,8 +271,7 @@ class RingPlayer final : public FrameSource {
         events_(::epoll_create1(EPOLL_CLOEXEC)) {
     memory_.header().epoch.store(slot_table_.epoch(), std::memory_order_relaxed);
     if (!events_ || !watch(listener_.fd(), EPOLLIN))
-      throw Error(ErrorKind::Failed,
-                  std::string("ring: cannot wait for renderers: ") + std::strerror(errno));
+      throw failed_error("ring: cannot wait for renderers: {}", std::strerror(errno));
     handshakes_.reserve(kMaxHandshakes + 1);
     departed_.reserve(static_cast<size_t>(options.slots));
   }

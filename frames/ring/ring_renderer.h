@@ -20,7 +20,7 @@
 #include <string>
 #include <thread>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "base/unix_address.h"
 #include "frames/frame.h"
@@ -90,8 +90,7 @@ inline constexpr std::chrono::milliseconds kTimeToAnswer{1000};
 }
 
 [[noreturn]] inline void throw_protocol_error(const std::string& path, const char* problem) {
-  throw Error(ErrorKind::Input,
-              path + ": the other end does not speak the ring protocol: " + problem);
+  throw input_error("{}: the other end does not speak the ring protocol: {}", path, problem);
 }
 
 class Attempt {
@@ -103,11 +102,11 @@ class Attempt {
   /// At first, `obstacle` is that of the attempt before.
   [[nodiscard]] std::optional<RingAdmission> run(const HelloMessage& hello, Obstacle& obstacle) {
     UniqueFd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-    if (!socket) throw Error(ErrorKind::Failed, path_ + ": " + std::strerror(errno));
+    if (!socket) throw failed_error("{}: {}", path_, std::strerror(errno));
     if (::connect(socket.get(), address_.get(), address_.bytes) != 0) {
       if (errno == EACCES || errno == EPERM || errno == EPROTOTYPE || errno == ENOTSOCK)
-        throw Error(ErrorKind::Device, path_ + ": " + std::strerror(errno),
-                    "use the socket of a player that the same user started");
+        throw device_error("{}: {}", path_, std::strerror(errno))
+            .remedy("use the socket of a player that the same user started");
       if (errno == EAGAIN) return std::nullopt;  // too many renderers are waiting already
       obstacle = {"no player listens there", "start the player first: lenticule play ring:SOCKET"};
       return std::nullopt;
@@ -160,7 +159,7 @@ inline RingAdmission handshake(const std::filesystem::path& path, const HelloMes
     if (std::chrono::steady_clock::now() >= deadline) break;
   }
   if (obstacle.cause.empty()) obstacle.cause = "the player does not answer";
-  throw Error(ErrorKind::Device, path.string() + ": " + obstacle.cause, obstacle.hint);
+  throw device_error("{}: {}", path.string(), obstacle.cause).remedy(obstacle.hint);
 }
 
 /// Maps the whole memory, after checking that no process can shrink it.
@@ -177,14 +176,13 @@ inline Mapping map_memory(const std::string& path, const RingAdmission& admissio
     throw_protocol_error(path, "the memory is not sealed");
   {
     const Mapping header(fd, 0, kHeaderBytes, PROT_READ);
-    if (!header) throw Error(ErrorKind::Failed, path + ": cannot map the ring");
+    if (!header) throw failed_error("{}: cannot map the ring", path);
     const auto* fields = std::launder(reinterpret_cast<const RingHeader*>(header.bytes().data()));
     if (const char* problem = read_header(*fields, promised, layout))
       throw_protocol_error(path, problem);
   }
   Mapping memory(fd, 0, layout.memory_bytes, PROT_READ | PROT_WRITE);
-  if (!memory)
-    throw Error(ErrorKind::Failed, path + ": cannot map the ring: " + std::strerror(errno));
+  if (!memory) throw failed_error("{}: cannot map the ring: {}", path, std::strerror(errno));
   ::madvise(memory.bytes().data(), memory.bytes().size(), MADV_HUGEPAGE);  // ignored if not allowed
   return memory;
 }

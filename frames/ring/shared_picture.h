@@ -6,7 +6,6 @@
 // and again when it is complete, so that a reader notices a slot that changed while it was copied.
 #pragma once
 
-#include <fmt/format.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -18,7 +17,7 @@
 #include <cstring>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "frames/ring/ring_layout.h"
 
@@ -50,8 +49,8 @@ class SharedPictureWriter {
     if (fd_ && ::ftruncate(fd_.get(), static_cast<off_t>(bytes)) == 0)
       mapping_ = Mapping(fd_.get(), 0, bytes, PROT_READ | PROT_WRITE);
     if (!mapping_)
-      throw Error(ErrorKind::Failed, fmt::format("no memory for two pictures of {}x{} pixels: {}",
-                                                 width, height, std::strerror(errno)));
+      throw failed_error("no memory for two pictures of {}x{} pixels: {}", width, height,
+                         std::strerror(errno));
     header_ = reinterpret_cast<SharedPictureHeader*>(mapping_.bytes().data());
   }
 
@@ -89,8 +88,7 @@ class SharedPictureReader {
     if (::fstat(fd, &status) == 0 && status.st_size >= static_cast<off_t>(bytes))
       mapping_ = Mapping(fd, 0, bytes, PROT_READ);
     if (!mapping_)
-      throw Error(ErrorKind::Input, fmt::format("descriptor {}: holds no pictures of {}x{} pixels",
-                                                fd, width, height));
+      throw input_error("descriptor {}: holds no pictures of {}x{} pixels", fd, width, height);
     header_ = reinterpret_cast<const SharedPictureHeader*>(mapping_.bytes().data());
   }
 

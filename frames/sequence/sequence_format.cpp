@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frames/sequence/sequence_format.h"
 
-#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <xxhash.h>
@@ -12,7 +11,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/misnamed_file.h"
 #include "optics/json_fields.h"
 
@@ -342,7 +341,7 @@ constexpr int kMaxSearches = 64;
 constexpr int kMaxFalseStarts = 4096;
 
 [[noreturn]] void refuse(const std::string& source, const char* cause, const char* remedy) {
-  throw Error(ErrorKind::Input, fmt::format("{}: {}", source, cause), remedy);
+  throw input_error("{}: {}", source, cause).remedy(remedy);
 }
 
 FileHeader read_file_header(int fd, const std::string& source) {

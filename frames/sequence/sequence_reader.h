@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
@@ -199,15 +199,12 @@ class SequenceSource final : public DecodedSource {
 
   static uint64_t checked_end(const std::filesystem::path& file,
                               const SequenceSourceOptions& options, uint64_t count) {
-    if (count == 0)
-      throw Error(ErrorKind::Input, fmt::format("{}: has no frames", file.string()),
-                  kNoFramesRemedy);
+    if (count == 0) throw input_error("{}: has no frames", file.string()).remedy(kNoFramesRemedy);
     const uint64_t end = options.end.value_or(count);
     if (options.begin < end && end <= count) return end;
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: has frames 0 to {}, not {} to {}", file.string(), count - 1,
-                            options.begin, end - 1),
-                "use a range of existing frames");
+    throw input_error("{}: has frames 0 to {}, not {} to {}", file.string(), count - 1,
+                      options.begin, end - 1)
+        .remedy("use a range of existing frames");
   }
   /// Frames holds the file and a decoder per thread.
   class Frames final : public FrameDecoding {

@@ -5,7 +5,6 @@
 #pragma once
 
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -22,7 +21,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/unique_fd.h"
 #include "base/worker_threads.h"
@@ -71,9 +70,8 @@ class SequenceWriter {
         workers_(options.threads) {
     LENTICULE_CHECK(max_error_ <= info.max_error);
     if (!can_hold(info.geometry))
-      throw Error(ErrorKind::Usage,
-                  fmt::format("{}: frames of {}x{} pixels are too large for a sequence container",
-                              file_.string(), info.geometry.width, info.geometry.height));
+      throw usage_error("{}: frames of {}x{} pixels are too large for a sequence container",
+                        file_.string(), info.geometry.width, info.geometry.height);
     std::error_code ignored;
     const bool has_part = std::filesystem::exists(part_, ignored);
     const bool has_file = std::filesystem::exists(file_, ignored);
@@ -100,8 +98,8 @@ class SequenceWriter {
     LENTICULE_CHECK(!finished_ && frame.geometry == layout_.header.geometry &&
                     frame.bytes.size() == frame.geometry.frame_bytes());
     if (frame_count() == kMaxSequenceFrames)
-      throw Error(ErrorKind::Failed, fmt::format("{}: a sequence holds at most {} frames",
-                                                 part_.string(), kMaxSequenceFrames));
+      throw failed_error("{}: a sequence holds at most {} frames", part_.string(),
+                         kMaxSequenceFrames);
     if (!in_step_) recall();
     in_step_ = false;  // if a step fails, the bands' entries belong to no frame in the file
     if ((part_of_film_.first + frame_count()) % kPredictorInterval == 0)
@@ -190,8 +188,7 @@ class SequenceWriter {
     std::vector<uint8_t> bytes;
     append_file_start(info, layout_.header, bytes);
     if (layout_.header.metadata_bytes > kMaxMetadataBytes)
-      throw Error(ErrorKind::Usage, fmt::format("{}: metadata larger than {} MiB", file_.string(),
-                                                kMaxMetadataBytes >> 20));
+      throw usage_error("{}: metadata larger than {} MiB", file_.string(), kMaxMetadataBytes >> 20);
     // The temporary name comes first, so that an existing file has a whole header.
     write_file_atomically(part_, bytes);
     layout_.data_end = bytes.size();
@@ -201,8 +198,8 @@ class SequenceWriter {
     open_and_lock(there);
     layout_ = read_sequence_layout(fd_.get(), there.string());
     if (const char* other = difference(layout_.info, info))
-      throw Error(ErrorKind::Input, fmt::format("{}: was started with {}", there.string(), other),
-                  "remove it, or write to another file");
+      throw input_error("{}: was started with {}", there.string(), other)
+          .remedy("remove it, or write to another file");
     if (there != part_ && ::rename(there.c_str(), part_.c_str()) != 0)
       fail("cannot continue", errno);
     const uint64_t count = count_whole_frames(fd_.get(), layout_);
@@ -222,9 +219,8 @@ class SequenceWriter {
     while (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0 && ++tries < kTries)
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     if (tries == kTries)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("{}: another process is writing it", there.string()),
-                  "wait for it, or choose another name");
+      throw failed_error("{}: another process is writing it", there.string())
+          .remedy("wait for it, or choose another name");
     fd_ = std::move(fd);
   }
   void encode_band(const FrameView& frame, int index, int worker) {
@@ -269,9 +265,7 @@ class SequenceWriter {
     }
     in_step_ = in_step_ && decoder.decode(last, frame.bytes()) &&
                read_band_table(fd_.get(), layout_, last, entries, table);
-    if (!in_step_)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("{}: frame {} cannot be read back", part_.string(), last));
+    if (!in_step_) throw failed_error("{}: frame {} cannot be read back", part_.string(), last);
     for (size_t band = 0; band < bands_.size(); ++band) bands_[band].entry = entries[band];
     previous_.assign(frame.bytes().begin(), frame.bytes().end());
   }
@@ -310,8 +304,7 @@ class SequenceWriter {
     fail("cannot write", error);
   }
   [[noreturn]] void fail(const char* what, int error) const {
-    throw Error(ErrorKind::Failed, fmt::format("{}: {}: {}", part_.string(), what,
-                                               std::generic_category().message(error)));
+    throw failed_error("{}: {}: {}", part_.string(), what, std::generic_category().message(error));
   }
 
   std::filesystem::path file_;

@@ -22,7 +22,7 @@
 #include <string>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "frames/ring/ring_layout.h"
 
@@ -47,8 +47,7 @@ class SoundRing {
     if (::fstat(fd_.get(), &status) == 0 && status.st_size == sizeof(Memory))
       mapping_ = Mapping(fd_.get(), 0, sizeof(Memory), PROT_READ | PROT_WRITE);
     if (!mapping_)
-      throw Error(ErrorKind::Failed,
-                  std::string("sound: no shared memory for samples: ") + std::strerror(errno));
+      throw failed_error("sound: no shared memory for samples: {}", std::strerror(errno));
     memory_ = reinterpret_cast<Memory*>(mapping_.bytes().data());
     made_ = memory_->written.load(std::memory_order_relaxed);
   }

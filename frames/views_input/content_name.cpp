@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/text.h"
 #include "frames/exif_tags.h"
@@ -63,8 +63,8 @@ bool means_half(const std::vector<std::string>& words, size_t at) {
 StereoLayout parse_stereo(const std::string& text) {
   // The first word of a name never counts, and no extension counts here.
   if (const auto layout = stereo_of_name("_" + text + "_")) return *layout;
-  throw Error(ErrorKind::Usage, fmt::format("--stereo '{}': unknown", text),
-              "use sbs, tb, hsbs (half width), htb (half height) or none");
+  throw usage_error("--stereo '{}': unknown", text)
+      .remedy("use sbs, tb, hsbs (half width), htb (half height) or none");
 }
 
 std::optional<StereoLayout> stereo_of_name(const std::filesystem::path& file) {
@@ -111,9 +111,8 @@ DepthWindows depth_windows(const FrameGeometry& picture, const DepthLayout& layo
   const int across = beside ? picture.height : picture.width;
   const int depth_across = part == DepthPart::Quarter ? across / 2 : across;
   if (depth < 1 || depth_across < 1)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {} x {} pixels are too few for colours and depth", name,
-                            picture.width, picture.height));
+    throw input_error("{}: {} x {} pixels are too few for colours and depth", name, picture.width,
+                      picture.height);
   const bool depth_first = place == DepthPlace::Left || place == DepthPlace::Top;
   const int unused = beside ? 0 : along - colour - depth;
   const auto window = [&](int begin, int length, int breadth) {
@@ -156,8 +155,8 @@ std::optional<StereoLayout> parse_jps_tag(std::span<const uint8_t> head, const s
   if (descriptor.size() < kDescriptorBytes) return std::nullopt;
   const uint8_t flags = descriptor[3], layout = descriptor[4], type = descriptor[5];
   if (type != kStereoscopic)
-    throw Error(ErrorKind::Input, fmt::format("{}: its tag says that it is not stereoscopic", name),
-                "use --stereo none to show it unchanged");
+    throw input_error("{}: its tag says that it is not stereoscopic", name)
+        .remedy("use --stereo none to show it unchanged");
   if (layout != kBeside && layout != kAbove)
     throw Error(
         ErrorKind::Input,

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "frames/weaving/crosstalk.h"
 
 namespace lenticule::frames {
@@ -19,14 +19,13 @@ constexpr int kWhole = 1 << 15;
 
 int checked_views(int width, int height, const DepthOptions& options) {
   if (options.views < 2 || options.views > kMaxViews)
-    throw Error(ErrorKind::Usage, fmt::format("depth: {} views are out of range", options.views),
-                fmt::format("2 to {} views can be made from a picture and its depth", kMaxViews));
+    throw usage_error("depth: {} views are out of range", options.views)
+        .remedy(fmt::format("2 to {} views can be made from a picture and its depth", kMaxViews));
   const uint64_t bytes = FrameGeometry{.width = width, .height = height}.frame_bytes();
   if (bytes > options.most_bytes / static_cast<uint64_t>(options.views))
-    throw Error(ErrorKind::Input,
-                fmt::format("depth: {} views of {} x {} pixels are more than {} MiB, the limit",
-                            options.views, width, height, options.most_bytes >> 20),
-                "use fewer --views");
+    throw input_error("depth: {} views of {} x {} pixels are more than {} MiB, the limit",
+                      options.views, width, height, options.most_bytes >> 20)
+        .remedy("use fewer --views");
   return options.views;
 }
 

@@ -3,7 +3,6 @@
 // sources with the arrangement of views in these pictures.
 #pragma once
 
-#include <fmt/format.h>
 #include <poll.h>
 
 #include <algorithm>
@@ -17,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "frames/frame.h"
 #include "frames/frame_source.h"
 #include "frames/quilt.h"
@@ -114,11 +113,9 @@ inline std::unique_ptr<ViewArrangement> arrange_stored(const ViewShape& shape,
     const std::string& name) {
   const optics::Panel& panel = woven_for.rig().panel;
   if (picture != FrameGeometry{.width = panel.width_px, .height = panel.height_px})
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {}x{} pixels, but the panel of the rig that it was woven for has "
-                            "{}x{}",
-                            name, picture.width, picture.height, panel.width_px, panel.height_px),
-                "use the rig that it was woven for");
+    throw input_error("{}: {}x{} pixels, but the panel of the rig that it was woven for has {}x{}",
+                      name, picture.width, picture.height, panel.width_px, panel.height_px)
+        .remedy("use the rig that it was woven for");
   const FrameGeometry view = decoded_geometry(woven_for.rig());
   const ViewShape shape = shape_of(
       views, view.width, view.height,
@@ -152,9 +149,8 @@ class ViewInput {
     const std::optional<uint64_t> frames = streams_.front().source->frame_count();
     for (const Stream& stream : streams_)
       if (const auto others = stream.source->frame_count(); frames && others && frames != others)
-        throw Error(ErrorKind::Input,
-                    fmt::format("{}: one part has {} frames, another {}", name_, *frames, *others),
-                    "every part needs a picture for each frame");
+        throw input_error("{}: one part has {} frames, another {}", name_, *frames, *others)
+            .remedy("every part needs a picture for each frame");
   }
   /// Provides the same views once per round.
   explicit ViewInput(ViewSet still)

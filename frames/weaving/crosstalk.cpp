@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frames/weaving/crosstalk.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "frames/srgb.h"
 
 namespace lenticule::frames {
@@ -240,8 +238,8 @@ class LightRows {
 
 Crosstalk crosstalk_of_percent(double percent) {
   if (!(percent >= 0.0 && percent <= kMostPercent))
-    throw Error(ErrorKind::Usage, fmt::format("crosstalk {} %: not between 0 and 40", percent),
-                "give the light that comes from the two neighbours of a view, for example 12");
+    throw usage_error("crosstalk {} %: not between 0 and 40", percent)
+        .remedy("give the light that comes from the two neighbours of a view, for example 12");
   return {.shares = {1.0 - percent / 100.0, percent / 200.0}, .restraint = 0.0};
 }
 
@@ -263,8 +261,7 @@ std::vector<double> compensation_matrix(const Crosstalk& crosstalk, int views) {
 
 ViewSet compensate(const ViewSet& views, const Crosstalk& crosstalk) {
   if (views.count() > kMostCompensatedViews)
-    throw Error(ErrorKind::Usage, fmt::format("crosstalk: {} views, the limit is {}", views.count(),
-                                              kMostCompensatedViews));
+    throw usage_error("crosstalk: {} views, the limit is {}", views.count(), kMostCompensatedViews);
   const auto count = static_cast<size_t>(views.count());
   const std::vector<double> matrix = compensation_matrix(crosstalk, views.count());
   std::vector<WovenFrame> pictures(count,

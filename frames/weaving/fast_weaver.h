@@ -4,8 +4,6 @@
 // pixels are equal, or a single pixel contributes, the bytes equal the reference's.
 #pragma once
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -16,7 +14,7 @@
 #include <vector>
 
 #include "base/cpu.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/worker_threads.h"
 #include "frames/frame.h"
 #include "frames/quilt.h"
@@ -107,9 +105,8 @@ class BlockWeaver {
         run_kernel_(&run_kernel(kernel)),
         transposed_(nullptr, std::free) {
     if (!kernel_suits(kernel, *plan_))
-      throw Error(ErrorKind::Usage,
-                  fmt::format("weaving kernel {}: not supported by this machine or this plan",
-                              to_string(kernel)));
+      throw usage_error("weaving kernel {}: not supported by this machine or this plan",
+                        to_string(kernel));
     const ViewShape& shape = plan_->shape();
     const bool mixes = plan_->options().filter != ViewFilter::Nearest;
     terms_ = {.view_step = plan_->view_step(),

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "frames/frame.h"
 #include "frames/image_io.h"
 #include "frames/quilt.h"
@@ -58,8 +58,8 @@ inline void draw_quilt(const ViewSet& views, const QuiltLayout& layout, WovenFra
 [[nodiscard]] inline WovenFrame draw_quilt(const ViewSet& views, const QuiltLayout& layout) {
   check_quilt_layout(layout, "quilt");
   if (layout.view_count() != views.count())
-    throw Error(ErrorKind::Usage, fmt::format("quilt: {} tiles are used, but there are {} views",
-                                              layout.view_count(), views.count()));
+    throw usage_error("quilt: {} tiles are used, but there are {} views", layout.view_count(),
+                      views.count());
   WovenFrame quilt(quilt_geometry(shape_of(views), layout));
   draw_quilt(views, layout, quilt);
   return quilt;
@@ -73,10 +73,9 @@ inline void draw_quilt(const ViewSet& views, const QuiltLayout& layout, WovenFra
     const bool same_aspect =
         !named->aspect || !layout.aspect || std::abs(*named->aspect - *layout.aspect) < 0.001;
     if (named->columns == layout.columns && named->rows == layout.rows && same_aspect) return file;
-    throw Error(ErrorKind::Usage,
-                fmt::format("{}: its name states another layout than {} x {} tiles", file.string(),
-                            layout.columns, layout.rows),
-                "leave the layout out of the name; it is added");
+    throw usage_error("{}: its name states another layout than {} x {} tiles", file.string(),
+                      layout.columns, layout.rows)
+        .remedy("leave the layout out of the name; it is added");
   }
   std::string name = fmt::format("{}_qs{}x{}", file.stem().string(), layout.columns, layout.rows);
   if (layout.aspect) name += fmt::format("a{:.4g}", *layout.aspect);

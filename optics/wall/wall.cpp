@@ -58,8 +58,8 @@ PlacedPanel place(const WallPanel& panel, Vec3 viewer_mm, const std::filesystem:
   placed.calibrated.viewing = viewing_line(viewer_mm, placed.wall_from_panel);
   const std::string context = fmt::format("{}: panel '{}'", wall_file.string(), panel.name);
   if (!(placed.calibrated.viewing.distance.value > 0.0))
-    throw Error(ErrorKind::Input, context + ": the viewer stands behind it",
-                "check viewer_mm, centre_mm and turn_degrees; z grows toward the viewer");
+    throw input_error("{}: the viewer stands behind it", context)
+        .remedy("check viewer_mm, centre_mm and turn_degrees; z grows toward the viewer");
   placed.trimmed = {trimmed(placed.calibrated, placed.trim),
                     identity_of(placed.calibrated, placed.trim)};
   validate_rig(placed.calibrated, context);

@@ -17,7 +17,7 @@
 #include <string_view>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
 #include "frames/frame.h"
@@ -78,7 +78,7 @@ class FrameMemory {
 
  private:
   [[noreturn]] static void fail(const char* cause) {
-    throw Error(ErrorKind::Failed, std::string("frame: ") + cause + ": " + std::strerror(errno));
+    throw failed_error("frame: {}: {}", cause, std::strerror(errno));
   }
   std::shared_ptr<const UniqueFd> fd_;
   uint8_t* bytes_ = nullptr;

@@ -3,8 +3,6 @@
 // requests, answers, events. docs/play/control.md is the contract.
 #pragma once
 
-#include <fmt/format.h>
-
 #include <array>
 #include <chrono>
 #include <cstdint>
@@ -15,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/json_line_socket.h"
 
 namespace lenticule::player {
@@ -86,9 +84,8 @@ class ControlClient : public JsonLineSocket {
   if (found.empty())
     throw Error(ErrorKind::Device, "--socket: no player service runs on this machine",
                 "give the socket of a player: lenticule play ... --control SOCKET");
-  throw Error(ErrorKind::Usage,
-              fmt::format("--socket: {} player services run on this machine", found.size()),
-              "give the socket of one: --socket " + found.front());
+  throw usage_error("--socket: {} player services run on this machine", found.size())
+      .remedy("give the socket of one: --socket " + found.front());
 }
 
 }  // namespace lenticule::player

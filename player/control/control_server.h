@@ -30,7 +30,7 @@
 #include <variant>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/print.h"
 #include "base/unique_fd.h"
 #include "frames/ring/listen_socket.h"
@@ -87,8 +87,7 @@ enum class ControlRights {
   group* found = nullptr;
   (void)::getgrnam_r(name.c_str(), &entry, strings.data(), strings.size(), &found);
   if (found != nullptr) return found->gr_gid;
-  throw Error(ErrorKind::Usage, fmt::format("--control-group '{}': no such group", name),
-              "getent group lists them");
+  throw usage_error("--control-group '{}': no such group", name).remedy("getent group lists them");
 }
 
 /// An answer with which a descriptor is sent.

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/playback/pacing.h"
 
-#include <fmt/format.h>
-
 #include <numeric>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 
 namespace lenticule::player {
 namespace {
@@ -68,8 +66,7 @@ Rate scaled_rate(Rate rate, uint32_t permille) noexcept {
 LatePolicy parse_late_policy(std::string_view text) {
   for (const LatePolicy policy : {LatePolicy::Slip, LatePolicy::Drop, LatePolicy::Hold})
     if (text == late_policy_name(policy)) return policy;
-  throw Error(ErrorKind::Usage, fmt::format("late policy '{}': unknown", text),
-              "use slip, drop or hold");
+  throw usage_error("late policy '{}': unknown", text).remedy("use slip, drop or hold");
 }
 
 const char* late_policy_name(LatePolicy policy) {

@@ -4,7 +4,6 @@
 // nor allocates. play(), below, gives it and the frame copier a thread each, and supervises them.
 #include "player/playback/playback.h"
 
-#include <fmt/format.h>
 #include <poll.h>
 #include <pthread.h>
 #include <sched.h>
@@ -14,7 +13,7 @@
 #include <thread>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "player/playback/frame_copier.h"
 
@@ -876,10 +875,9 @@ void check_sizes(const display::Display& display, const frames::FrameSource& sou
   const frames::FrameGeometry panel = display.mode().geometry;
   const frames::FrameGeometry frame = source.geometry();
   if (frame == panel) return;
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: frames of {}x{} pixels, but the display has {}x{}", name,
-                          frame.width, frame.height, panel.width, panel.height),
-              "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
+  throw input_error("{}: frames of {}x{} pixels, but the display has {}x{}", name, frame.width,
+                    frame.height, panel.width, panel.height)
+      .remedy("woven frames fit one panel, pixel for pixel: render or weave them for this rig");
 }
 
 }  // namespace

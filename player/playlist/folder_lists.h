@@ -19,7 +19,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
@@ -70,7 +70,7 @@ class FolderWatch {
   /// Lists the folder for the first time. Throws Error(Input) if there is no such folder.
   FolderWatch(std::string folder, Time now) : folder_(std::move(folder)) {
     if (!std::filesystem::is_directory(folder_))
-      throw Error(ErrorKind::Input, folder_ + ": no such folder", "create it, or correct its name");
+      throw input_error("{}: no such folder", folder_).remedy("create it, or correct its name");
     watch_folder();
     list(now);
     for (auto& [name, file] : files_)
@@ -178,10 +178,9 @@ class FolderLists {
   [[nodiscard]] Playlist read(const std::string& folder) {
     const std::vector<std::string> names = whole_files(folder);
     if (names.size() > kMaxPlaylistItems)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: {} files, but a list has at most {} items", folder, names.size(),
-                              kMaxPlaylistItems),
-                  "move some of them away");
+      throw input_error("{}: {} files, but a list has at most {} items", folder, names.size(),
+                        kMaxPlaylistItems)
+          .remedy("move some of them away");
     Playlist list{.name = folder,
                   .items = {},
                   .standby = {},

@@ -22,7 +22,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "player/playlist/folder_lists.h"
 #include "player/playlist/open_item.h"
@@ -100,8 +100,8 @@ class PlaylistCursor {
     const auto items = static_cast<int64_t>(list->items.size());
     const size_t item_here = (at.playing ? at.playing : at.chosen).value_or(0);
     if (items == 0)
-      throw Error(ErrorKind::Failed, list->name + ": has no item at the moment",
-                  "wait for a file, or load another source");
+      throw failed_error("{}: has no item at the moment", list->name)
+          .remedy("wait for a file, or load another source");
     int64_t index = jump.item.value_or(0);
     int64_t rounds_done = jump.list ? 0 : at.rounds_done;
     if (jump.relative) {
@@ -114,8 +114,8 @@ class PlaylistCursor {
     }
     if (!jump.item && !jump.list) index = static_cast<int64_t>(item_here);
     if (index < 0 || index >= items)
-      throw Error(ErrorKind::Usage, fmt::format("item {}: the list has {} items", index, items),
-                  "items are counted from 0");
+      throw usage_error("item {}: the list has {} items", index, items)
+          .remedy("items are counted from 0");
     return {.list = list,
             .index = static_cast<size_t>(index),
             .rounds_done = rounds_done,
@@ -990,10 +990,9 @@ class ItemLoader {
     const frames::FrameSource& source = *open->opened.source;
     const frames::FrameGeometry size = source.geometry();
     if (size != options_.panel)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: frames of {}x{} pixels, but the panel has {}x{}", name,
-                              size.width, size.height, options_.panel.width, options_.panel.height),
-                  "woven frames fit one panel, pixel for pixel");
+      throw input_error("{}: frames of {}x{} pixels, but the panel has {}x{}", name, size.width,
+                        size.height, options_.panel.width, options_.panel.height)
+          .remedy("woven frames fit one panel, pixel for pixel");
     if (source.frame_count() && frame >= *source.frame_count())
       throw no_such_frame(item, frame, *source.frame_count());
     return open;

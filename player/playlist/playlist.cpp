@@ -9,7 +9,7 @@
 #include <iterator>
 #include <numeric>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/text.h"
 #include "frames/quilt.h"
@@ -286,8 +286,8 @@ class Reader {
       key = "path";
     }
     if (!entries->is_array() || entries->empty())
-      throw Error(ErrorKind::Input, name_ + ": no list of files",
-                  "expected [{\"filename\": \"city_qs8x6a0.75.png\"}]");
+      throw input_error("{}: no list of files", name_)
+          .remedy("expected [{\"filename\": \"city_qs8x6a0.75.png\"}]");
     toml::source_index number = 0;
     for (const nlohmann::json& entry : *entries) {
       const std::string file =
@@ -339,8 +339,7 @@ class Reader {
   }
   [[noreturn]] void fail_at(toml::source_index line, const std::string& cause,
                             const std::string& remedy = {}) const {
-    throw Error(ErrorKind::Input,
-                fmt::format("{}{}{}: {}", name_, before_place_, std::max(line, 1u), cause), remedy);
+    throw input_error("{}{}{}: {}", name_, before_place_, std::max(line, 1u), cause).remedy(remedy);
   }
   [[nodiscard]] PlaylistItem item(const toml::node& node) const {
     const toml::table* const table = node.as_table();

@@ -18,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "frames/frame_source.h"
 #include "player/playlist/item_loader.h"
@@ -162,9 +163,8 @@ class PlaylistSource final : public frames::FrameSource {
 
   static void check(bool done) {
     if (done) return;
-    throw Error(ErrorKind::Failed,
-                fmt::format("playlist: cannot create a file descriptor: {}", std::strerror(errno)),
-                "raise the limit of open files");
+    throw failed_error("playlist: cannot create a file descriptor: {}", std::strerror(errno))
+        .remedy("raise the limit of open files");
   }
   struct Acquired {
     uint64_t token = 0;

@@ -23,7 +23,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/packet.h"
 #include "base/subprocess.h"
 #include "base/unique_fd.h"
@@ -123,15 +123,13 @@ class ConfinedProcess {
   static constexpr int kMostSilences = 10;
 
   static int checked(int result, const char* program) {
-    if (result < 0)
-      throw Error(ErrorKind::Failed,
-                  fmt::format("{}: cannot be started: {}", program, std::strerror(errno)));
+    if (result < 0) throw failed_error("{}: cannot be started: {}", program, std::strerror(errno));
     return result;
   }
   using Clock = std::chrono::steady_clock;
 
   [[noreturn]] void fail_file(const std::string& cause) const {
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, cause), program_.remedy);
+    throw input_error("{}: {}", name_, cause).remedy(program_.remedy);
   }
   void send_bytes(const void* bytes, size_t count, int descriptor) {
     if (!send_packet(socket_.get(), bytes, count, descriptor, MSG_DONTWAIT)) fail_dead();
@@ -190,8 +188,8 @@ class ConfinedProcess {
     const std::string how = end.signal != 0 ? fmt::format("was ended by signal {}", end.signal)
                                             : fmt::format("ended with exit code {}", end.exit_code);
     if (ready_) fail_file(fmt::format("its {} {}", program_.role, how));
-    throw Error(ErrorKind::Failed, fmt::format("{}: {} before its first file", program_.name, how),
-                fmt::format("restart the player or the command if it was upgraded; else reinstall "
+    throw failed_error("{}: {} before its first file", program_.name, how)
+        .remedy(fmt::format("restart the player or the command if it was upgraded; else reinstall "
                             "{}, or use a kernel with seccomp filters",
                             program_.package));
   }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/process/key_input.h"
 
-#include <fmt/format.h>
 #include <poll.h>
 #include <termios.h>
 #include <unistd.h>
@@ -12,7 +11,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "player/process/interrupt.h"
 
@@ -29,8 +28,8 @@ RawTerminal::RawTerminal(int fd) {
   LENTICULE_CHECK(g_fd.load() < 0);
   termios raw{};
   if (tcgetattr(fd, &raw) != 0)
-    throw Error(ErrorKind::Failed, fmt::format("terminal: {}", std::strerror(errno)),
-                "give the keys in a file: --keys FILE");
+    throw failed_error("terminal: {}", std::strerror(errno))
+        .remedy("give the keys in a file: --keys FILE");
   g_before = raw;
   g_fd.store(fd);
   raw.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
@@ -41,7 +40,7 @@ RawTerminal::RawTerminal(int fd) {
   if (tcsetattr(fd, TCSANOW, &raw) == 0) return;
   const int error = errno;
   restore_terminal_now();
-  throw Error(ErrorKind::Failed, fmt::format("terminal: {}", std::strerror(error)));
+  throw failed_error("terminal: {}", std::strerror(error));
 }
 
 RawTerminal::~RawTerminal() {

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/temporary.h"
 
 namespace lenticule::player {
@@ -42,8 +42,8 @@ class PrivateFolder {
         tried += fmt::format("{}{}", tried.empty() ? "" : ", ", error.what());
       }
     }
-    throw Error(ErrorKind::Failed, fmt::format("cannot create a folder for a socket: {}", tried),
-                "free some space in one of these folders");
+    throw failed_error("cannot create a folder for a socket: {}", tried)
+        .remedy("free some space in one of these folders");
   }
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 

@@ -9,7 +9,7 @@
 #include <system_error>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/installation.h"
 #include "base/print.h"
@@ -167,10 +167,9 @@ ChosenRig choose_rig(const RigRequest& request) {
     if (auto own = rig_of_film(request.source)) return *own;
   const RigsOfPanels found = rigs_of_panels(request, needs_panel);
   if (found.fitting.size() > 1)
-    throw Error(ErrorKind::Usage,
-                fmt::format("--rig: missing, and {} rigs name a connected panel ({})",
-                            found.fitting.size(), fmt::join(found.panels, ", ")),
-                fmt::format("choose one with --rig: {}", fmt::join(found.fitting, ", ")));
+    throw usage_error("--rig: missing, and {} rigs name a connected panel ({})",
+                      found.fitting.size(), fmt::join(found.panels, ", "))
+        .remedy(fmt::format("choose one with --rig: {}", fmt::join(found.fitting, ", ")));
   if (found.fitting.size() == 1) {
     say("no --rig: using {}, which names the connected panel\n", found.fitting.front());
     return {found.fitting.front()};

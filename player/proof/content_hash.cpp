@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_format.h"
@@ -73,7 +73,7 @@ bool add_bytes(Digest& digest, const std::string& file, int fd, uint64_t from, u
   while (count > 0 && !ending.load()) {
     const ssize_t got = ::pread(fd, piece.data(), std::min<uint64_t>(piece.size(), count),
                                 static_cast<off_t>(from));
-    if (got <= 0) throw Error(ErrorKind::Input, file + ": cannot read the whole file");
+    if (got <= 0) throw input_error("{}: cannot read the whole file", file);
     digest.add(std::span(piece).first(static_cast<size_t>(got)));
     from += static_cast<uint64_t>(got);
     count -= static_cast<uint64_t>(got);

@@ -13,7 +13,7 @@
 #include <ctime>
 #include <memory>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/text.h"
 
@@ -233,8 +233,8 @@ constexpr size_t kMostFieldBytes = size_t{1} << 16;
 
 void check(int result, const std::string& what) {
   if (result >= 0) return;
-  throw Error(ErrorKind::Input, fmt::format("{}: {}", what, std::strerror(-result)),
-              "name a folder of journal files, such as /var/log/journal/MACHINE");
+  throw input_error("{}: {}", what, std::strerror(-result))
+      .remedy("name a folder of journal files, such as /var/log/journal/MACHINE");
 }
 
 Journal open_journal(const JournalPlace& place) {

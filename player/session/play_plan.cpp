@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/print.h"
 #include "display/kms/inspect.h"
@@ -42,10 +42,9 @@ void refuse_flags_of_one_rig(const PlayFlags& flags, const PlayPlan& plan) {
 void require_equal_bits(const optics::PlacedPanel& a, const optics::PlacedPanel& b) {
   const int bits_a = a.trimmed.rig.panel.bits, bits_b = b.trimmed.rig.panel.bits;
   if (bits_a == bits_b) return;
-  throw Error(ErrorKind::Input,
-              fmt::format("panel '{}' has {} bits per colour, and panel '{}' has {}", a.name,
-                          bits_a, b.name, bits_b),
-              "set panel.bits of both rigs to 8, or use a player for each panel");
+  throw input_error("panel '{}' has {} bits per colour, and panel '{}' has {}", a.name, bits_a,
+                    b.name, bits_b)
+      .remedy("set panel.bits of both rigs to 8, or use a player for each panel");
 }
 
 /// BufferLayout places the panels side by side in one buffer, in rows.
@@ -261,8 +260,8 @@ void plan_sound(const PlayFlags& flags, PlayPlan& plan) {
                 "use --sound-device file:OUT.wav with --clock simulated");
   options.delay = std::chrono::microseconds(std::llround(flags.sound_delay_ms.value_or(0.0) * 1e3));
   if (!flags.sound.empty() && flags.sound != "none" && !mark_of(flags.sound).there)
-    throw Error(ErrorKind::Input, fmt::format("--sound {}: no such file", flags.sound),
-                "name a file with sound, or none");
+    throw input_error("--sound {}: no such file", flags.sound)
+        .remedy("name a file with sound, or none");
   const bool silent_list = plan.source.kind == SourceKind::List && !flags.sound.empty();
   if (silent_list && flags.sound != "none")
     refuse_flag("--sound: items of a list have their own sound",

@@ -23,7 +23,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/eye_simulator.h"
@@ -410,8 +410,8 @@ class PlayControls final : public ControlTarget {
   DisplayedPlace copy_displayed(const char* verb, frames::WovenFrame& into, size_t part = 0) {
     const DisplayedPlace place = playback_.displayed();
     if (!playback_.copy_shown(into, part))
-      throw Error(ErrorKind::Failed, fmt::format("{}: the displayed frame is not in memory", verb),
-                  "if the source keeps few frames, play with more --slots");
+      throw failed_error("{}: the displayed frame is not in memory", verb)
+          .remedy("if the source keeps few frames, play with more --slots");
     return place;
   }
   [[nodiscard]] nlohmann::ordered_json take_snapshot(const ControlRequest& request) {

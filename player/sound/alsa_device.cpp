@@ -9,7 +9,7 @@
 #include <fstream>
 #include <thread>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "player/sound/sound_device.h"
 
 namespace lenticule::player {
@@ -24,8 +24,8 @@ struct Close {
 };
 
 [[noreturn]] void refuse(const std::string& name, int error) {
-  throw Error(ErrorKind::Device, fmt::format("sound device '{}': {}", name, snd_strerror(error)),
-              error == -EBUSY ? "another program uses it: end that program"
+  throw device_error("sound device '{}': {}", name, snd_strerror(error))
+      .remedy(error == -EBUSY ? "another program uses it: end that program"
                               : "'aplay -L' lists the devices; --sound-device none plays silently");
 }
 
@@ -186,8 +186,8 @@ std::unique_ptr<SoundDevice> record_wav(const std::string& file) {
   const auto wav = std::make_shared<Wav>();
   wav->out = std::fopen(file.c_str(), "wbxe");
   if (wav->out == nullptr)
-    throw Error(ErrorKind::Failed, fmt::format("{}: {}", file, std::strerror(errno)),
-                errno == EEXIST ? "remove it, or name another file"
+    throw failed_error("{}: {}", file, std::strerror(errno))
+        .remedy(errno == EEXIST ? "remove it, or name another file"
                                 : "name a file in a folder that you may write to");
   wav->write_header();
   return std::make_unique<SoundRecorder>("file:" + file, [wav](std::span<const float> block) {

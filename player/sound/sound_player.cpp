@@ -13,7 +13,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/exit_code.h"
 #include "base/numbers.h"
 #include "base/print.h"
@@ -70,8 +70,7 @@ struct SoundPlayer::Item {
     if (count != uint64_t{1}) {
       fps = source.rate() ? source.rate() : rate;
       frames = item.frames ? item.frames->count() : count.value_or(0);
-      if (!fps)
-        throw Error(ErrorKind::Input, found.file + ": the pictures have no rate; add --fps");
+      if (!fps) throw input_error("{}: the pictures have no rate; add --fps", found.file);
     }
     const std::lock_guard lock(player.mutex_);
     const auto free = std::ranges::find_if(player.mixer_.slots(), [&](const SoundSlot& one) {
@@ -402,16 +401,15 @@ std::optional<FoundSound> find_sound(const PlaylistItem& item, const SoundOption
   const std::vector<SoundStream> streams = probe_sound(found.file, options.program);
   if (streams.empty() && own) return std::nullopt;
   if (streams.empty())
-    throw Error(ErrorKind::Input, found.file + ": no sound in it", "name a file with sound");
+    throw input_error("{}: no sound in it", found.file).remedy("name a file with sound");
   const auto index = number_from<int>(options.track);
   const auto wanted = std::ranges::find_if(streams, [&](const SoundStream& one) {
     return index ? one.index == *index : is_language(one.language, options.track);
   });
   found.stream = options.track.empty() || wanted == streams.end() ? streams.front() : *wanted;
   if (!found.stream.refusal.empty())
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: its sound is not played: {}", found.file, found.stream.refusal),
-                "convert it, for example to FLAC or Opus");
+    throw input_error("{}: its sound is not played: {}", found.file, found.stream.refusal)
+        .remedy("convert it, for example to FLAC or Opus");
   return found;
 }
 

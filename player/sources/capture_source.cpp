@@ -11,7 +11,7 @@
 #include <thread>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
@@ -93,10 +93,9 @@ LiveCameras::LiveCameras(const CaptureSpec& spec, const frames::FrameGeometry& p
     const Camera &first = *cameras_.front(), &added = *cameras_.back();
     const RawFormat &size = added.converter.format(), &others = first.converter.format();
     if (size.width != others.width || size.height != others.height)
-      throw Error(ErrorKind::Device,
-                  fmt::format("{}: pictures of {}x{}, but {} has {}x{}", path, size.width,
-                              size.height, first.path, others.width, others.height),
-                  "ask for one size: add ?size=1280x720");
+      throw device_error("{}: pictures of {}x{}, but {} has {}x{}", path, size.width, size.height,
+                         first.path, others.width, others.height)
+          .remedy("ask for one size: add ?size=1280x720");
     statistics.device +=
         fmt::format("{}{} ({}): {}x{} {}, {:g} frames/s", cameras_.size() > 1 ? "; " : "", path,
                     escaped(added.facts.name), size.width, size.height, fourcc_name(size.fourcc),

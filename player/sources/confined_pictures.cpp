@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/sources/confined_pictures.h"
 
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,7 +14,7 @@
 #include <thread>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/installation.h"
 #include "base/text.h"
@@ -57,8 +56,7 @@ OpenPicture open_picture(const frames::EncodedPicture& picture) {
     return {picture.name, picture.file.extension().string(),
             open_regular_file(picture.file, wire::kPictureFileLimit)};
   if (picture.bytes.size() > wire::kPictureFileLimit)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: larger than {} MiB", picture.name, wire::kPictureFileLimit >> 20));
+    throw input_error("{}: larger than {} MiB", picture.name, wire::kPictureFileLimit >> 20);
   return {picture.name, {}, {file_in_memory(picture.bytes), picture.bytes.size()}};
 }
 
@@ -194,8 +192,8 @@ class Decoder {
     const std::string nameless = "picture: ";
     if (cause.starts_with(prefix)) cause.erase(0, prefix.size());
     if (cause.starts_with(nameless)) cause.erase(0, nameless.size());
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", picture.name, cause),
-                remedy.empty() ? frames::kPictureRemedy : remedy);
+    throw input_error("{}: {}", picture.name, cause)
+        .remedy(remedy.empty() ? frames::kPictureRemedy : remedy);
   }
 
   const PictureLimits limits_;

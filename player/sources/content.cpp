@@ -11,7 +11,7 @@
 #include <string_view>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/text.h"
 #include "frames/image_io.h"
@@ -29,8 +29,8 @@ constexpr double kSameAspect = 0.005;
 void read_grid(const std::string& text, frames::QuiltLayout& layout) {
   const auto grid = numbers_from<int, 2>(text, 'x');
   if (!grid || (*grid)[0] < 1 || (*grid)[1] < 1)
-    throw Error(ErrorKind::Usage, fmt::format("--grid '{}': not columns x rows", text),
-                "for example --grid 8x6, or 1x1 for an ordinary picture");
+    throw usage_error("--grid '{}': not columns x rows", text)
+        .remedy("for example --grid 8x6, or 1x1 for an ordinary picture");
   layout.columns = (*grid)[0];
   layout.rows = (*grid)[1];
 }
@@ -45,8 +45,8 @@ std::optional<frames::Disparity> disparity_of(std::string_view text) {
 
 frames::Disparity parse_zero_plane(const std::string& text) {
   if (const auto disparity = disparity_of(text)) return *disparity;
-  throw Error(ErrorKind::Usage, fmt::format("--zero-plane '{}': not a disparity", text),
-              "for example --zero-plane 1.5, in percent of the width, or 20px");
+  throw usage_error("--zero-plane '{}': not a disparity", text)
+      .remedy("for example --zero-plane 1.5, in percent of the width, or 20px");
 }
 
 /// Parses "0.5:20", distances in any unit. Returns the ratio of the farthest to the nearest.
@@ -55,8 +55,8 @@ double parse_distances(const std::string& text) {
   const auto distances = numbers_from<double, 2>(text, ':').value_or(std::array{0.0, 0.0});
   const double ratio = distances[1] / distances[0];
   if (distances[0] > 0.0 && ratio > 1.0 && ratio <= kMostRatio) return ratio;
-  throw Error(ErrorKind::Usage, fmt::format("--depth-distance '{}': not two distances", text),
-              "the nearest and the farthest, for example --depth-distance 0.5:20; at most 1:1e6");
+  throw usage_error("--depth-distance '{}': not two distances", text)
+      .remedy("the nearest and the farthest, for example --depth-distance 0.5:20; at most 1:1e6");
 }
 
 /// Parses "-2:2" in percent of a view's width, or "-20px:20px": the disparities of the farthest and
@@ -65,8 +65,8 @@ void read_depth_range(const std::string& text, frames::DepthOptions& options) {
   std::string_view rest(text);
   const auto back = disparity_of(take_until(rest, ':')), front = disparity_of(rest);
   if (!back || !front || back->in_pixels != front->in_pixels)
-    throw Error(ErrorKind::Usage, fmt::format("--depth-range '{}': not two disparities", text),
-                "for example --depth-range -2:2, in percent of the width, or -20px:20px");
+    throw usage_error("--depth-range '{}': not two disparities", text)
+        .remedy("for example --depth-range -2:2, in percent of the width, or -20px:20px");
   options.back = back->value;
   options.front = front->value;
   options.in_pixels = back->in_pixels;
@@ -97,17 +97,15 @@ void require_agreement(const std::string& text, const frames::QuiltSidecar& side
                        const frames::QuiltLayout& named, const ContentFlags& flags) {
   const std::string file = frames::sidecar_of(text).filename().string();
   if (flags.grid.empty() && (sidecar.columns != named.columns || sidecar.rows != named.rows))
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: its name says {} x {} tiles, {} {} x {}", text, named.columns,
-                            named.rows, file, *sidecar.columns, *sidecar.rows),
-                "rename one of them, or use --grid");
+    throw input_error("{}: its name says {} x {} tiles, {} {} x {}", text, named.columns,
+                      named.rows, file, *sidecar.columns, *sidecar.rows)
+        .remedy("rename one of them, or use --grid");
   const bool aspects_differ = sidecar.aspect && named.aspect &&
                               std::abs(*sidecar.aspect / *named.aspect - 1.0) > kSameAspect;
   if (!flags.aspect && aspects_differ)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: its name says an aspect of {}, {} {}", text, *named.aspect, file,
-                            *sidecar.aspect),
-                "rename one of them, or use --aspect");
+    throw input_error("{}: its name says an aspect of {}, {} {}", text, *named.aspect, file,
+                      *sidecar.aspect)
+        .remedy("rename one of them, or use --aspect");
 }
 
 /// Combines the name, the sidecar and the flags; later ones override earlier ones.
@@ -160,7 +158,7 @@ Content with_depth(const ContentFlags& flags, const std::optional<frames::QuiltS
 
 Content stereo(const frames::StereoLayout& layout, const ContentFlags& flags) {
   if (flags.views != 0 && flags.views != 2)
-    throw Error(ErrorKind::Usage, fmt::format("--views {}: stereo has two views", flags.views));
+    throw usage_error("--views {}: stereo has two views", flags.views);
   return {.kind = Kind::Stereo, .stereo = layout};
 }
 
@@ -224,9 +222,8 @@ Content other_rig(const ContentFlags& flags) {
 Content container(const SourceSpec& source, const std::string& rig_fingerprint) {
   const ContentFlags& flags = source.content;
   if (!flags.grid.empty() || !flags.stereo.empty() || !flags.depth.empty())
-    throw Error(ErrorKind::Usage,
-                source.text + ": --grid, --stereo and --depth do not apply to a .lts",
-                "leave them out: the file states how its views lie");
+    throw usage_error("{}: --grid, --stereo and --depth do not apply to a .lts", source.text)
+        .remedy("leave them out: the file states how its views lie");
   const frames::SequenceReader reader(source.text);
   const frames::SequenceInfo& info = reader.info();
   if (info.kind == frames::SequenceKind::Views) {
@@ -276,9 +273,8 @@ Content picture(const SourceSpec& source, bool patterns_are_views) {
   if (patterns_are_views && frames::FilePattern::looks_like_pattern(text))
     return {.kind = Kind::ViewFiles};
   if (frames::mentions_quilt(text) && may_be_stereo)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: its name says qs, but not the grid of a quilt", text),
-                "name it like city_qs8x6a0.75.png, or use --grid 8x6; woven frames: --stereo none");
+    throw input_error("{}: its name says qs, but not the grid of a quilt", text)
+        .remedy("name it like city_qs8x6a0.75.png, or use --grid 8x6; woven frames: --stereo none");
   return {.kind = Kind::Woven};
 }
 
@@ -286,14 +282,13 @@ Content picture(const SourceSpec& source, bool patterns_are_views) {
 Content live(const SourceSpec& source, int cameras) {
   const ContentFlags& flags = source.content;
   if (!flags.depth.empty() && !frames::parse_depth_layout(flags.depth))
-    throw Error(ErrorKind::Usage,
-                fmt::format("--depth {}: live pictures have no file", flags.depth),
-                "name the side of the picture that holds the depth: --depth right");
+    throw usage_error("--depth {}: live pictures have no file", flags.depth)
+        .remedy("name the side of the picture that holds the depth: --depth right");
   const bool states = !flags.grid.empty() || !flags.depth.empty() || !flags.stereo.empty();
   if (cameras > 1 && states)
-    throw Error(ErrorKind::Usage,
-                source.text + ": --grid, --stereo and --depth do not apply to several cameras",
-                "each camera is a view, from left to right; --invert exchanges their order");
+    throw usage_error("{}: --grid, --stereo and --depth do not apply to several cameras",
+                      source.text)
+        .remedy("each camera is a view, from left to right; --invert exchanges their order");
   if (cameras > 1) {
     Content content{.kind = Kind::Quilt};
     content.layout = {.columns = cameras, .rows = 1, .views = cameras, .aspect = flags.aspect};
@@ -308,8 +303,8 @@ Content content_of(const SourceSpec& source, const std::string& rig_fingerprint,
                    bool patterns_are_views) {
   if (source.kind == SourceKind::ViewFiles) {
     if (source.without_prefix().empty())
-      throw Error(ErrorKind::Usage, fmt::format("source '{}': no files", source.text),
-                  "for example 'views:view%02d.png' or 'views:left.png|right.png'");
+      throw usage_error("source '{}': no files", source.text)
+          .remedy("for example 'views:view%02d.png' or 'views:left.png|right.png'");
     return {.kind = Kind::ViewFiles};
   }
   if (!source.takes_layout()) return {};
@@ -328,9 +323,8 @@ void refuse_idle_flags(const SourceSpec& source, Kind kind) {
   const bool about_depth = !flags.depth_range.empty() || !flags.depth_distance.empty() ||
                            flags.invert_depth || flags.depth_budget;
   if (!has_depth && about_depth)
-    throw Error(ErrorKind::Usage,
-                fmt::format("--depth-range, --depth-budget: {} has no depth", source.text),
-                "name the depth with --depth; pictures for two eyes only move, with --zero-plane");
+    throw usage_error("--depth-range, --depth-budget: {} has no depth", source.text)
+        .remedy("name the depth with --depth; pictures for two eyes only move, with --zero-plane");
   const bool about_views =
       flags.views != 0 || flags.aspect || flags.invert || !flags.zero_plane.empty();
   if (kind == Kind::Woven && about_views && source.takes_layout())
@@ -355,10 +349,9 @@ const char* remedy_of_unwoven(const frames::FrameGeometry& size) {
 void require_size_of_panel(const std::string& name, const frames::FrameGeometry& size,
                            const frames::FrameGeometry& panel, const char* remedy) {
   if (size != panel)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", name, size.width,
-                            size.height, panel.width, panel.height),
-                remedy != nullptr ? remedy : remedy_of_unwoven(size));
+    throw input_error("{}: {}x{} pixels, but the rig's panel has {}x{}", name, size.width,
+                      size.height, panel.width, panel.height)
+        .remedy(remedy != nullptr ? remedy : remedy_of_unwoven(size));
 }
 
 void check_layout(const ContentFlags& flags) {
@@ -370,8 +363,8 @@ void check_layout(const ContentFlags& flags) {
   const std::string name = std::filesystem::path(flags.depth).filename().string();
   if (!name.empty() && !frames::parse_depth_layout(flags.depth) &&
       name.find_first_of(".%") == std::string::npos)
-    throw Error(ErrorKind::Usage, fmt::format("--depth '{}': neither a side nor a file", name),
-                "right, left, bottom or top, or the name of a file with its extension");
+    throw usage_error("--depth '{}': neither a side nor a file", name)
+        .remedy("right, left, bottom or top, or the name of a file with its extension");
   if (!flags.depth_range.empty()) read_depth_range(flags.depth_range, depth);
   if (!flags.depth_distance.empty()) (void)parse_distances(flags.depth_distance);
   if (!flags.zero_plane.empty()) (void)parse_zero_plane(flags.zero_plane);

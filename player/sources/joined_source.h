@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/unique_fd.h"
 #include "frames/frame_source.h"
 
@@ -103,23 +103,21 @@ class JoinedSource final : public frames::FrameSource {
           kRemedy);
     const auto rate_a = a.source->rate(), rate_b = b.source->rate();
     if (rate_a && rate_b && *rate_a != *rate_b)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{} has {} frames a second, and {} has {}", a.name,
-                              frames::to_string(*rate_a), b.name, frames::to_string(*rate_b)),
-                  kRemedy);
+      throw input_error("{} has {} frames a second, and {} has {}", a.name,
+                        frames::to_string(*rate_a), b.name, frames::to_string(*rate_b))
+          .remedy(kRemedy);
   }
 
   static UniqueFd wake_descriptor(const std::vector<Part>& parts) {
     if (std::ranges::all_of(parts, [](const auto& part) { return part.source->wake_fd() < 0; }))
       return {};
     UniqueFd wake(::epoll_create1(EPOLL_CLOEXEC));
-    if (!wake)
-      throw Error(ErrorKind::Failed, fmt::format("no descriptor: {}", std::strerror(errno)));
+    if (!wake) throw failed_error("no descriptor: {}", std::strerror(errno));
     for (const Part& part : parts) {
       epoll_event event{.events = EPOLLIN, .data = {}};
       const int fd = part.source->wake_fd();
       if (fd >= 0 && ::epoll_ctl(wake.get(), EPOLL_CTL_ADD, fd, &event) != 0)
-        throw Error(ErrorKind::Failed, fmt::format("{}: {}", part.name, std::strerror(errno)));
+        throw failed_error("{}: {}", part.name, std::strerror(errno));
     }
     return wake;
   }

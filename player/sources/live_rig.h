@@ -16,7 +16,7 @@
 #include <string>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/retried_writes.h"
 #include "base/terminal_keys.h"
@@ -118,7 +118,7 @@ class LiveRig {
   /// Throws Error(Input) for a rig of another panel, Error(Failed) if the file cannot be written;
   /// nothing changes then.
   std::filesystem::path replace_rig(const optics::Rig& rig) {
-    if (!unsavable_.empty()) throw Error(ErrorKind::Failed, "rig: not saved: " + unsavable_);
+    if (!unsavable_.empty()) throw failed_error("rig: not saved: {}", unsavable_);
     const std::lock_guard files(files_mutex_);
     if (!(rig.panel == calibrated_.panel) || !(rig.identity == calibrated_.identity))
       throw Error(ErrorKind::Input, "rig: is for another panel than the one in use",
@@ -166,13 +166,11 @@ class LiveRig {
     const optics::Panel &theirs = calibrated.panel, &ours = calibrated_.panel;
     const std::string file = rig_file_.string();
     if (theirs.width_px != ours.width_px || theirs.height_px != ours.height_px)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: is for a panel of {}x{} pixels, not {}x{}", file,
-                              theirs.width_px, theirs.height_px, ours.width_px, ours.height_px));
+      throw input_error("{}: is for a panel of {}x{} pixels, not {}x{}", file, theirs.width_px,
+                        theirs.height_px, ours.width_px, ours.height_px);
     if (theirs.mounting != ours.mounting || theirs.bits != ours.bits)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: has another panel.{}, which a player reads at its start", file,
-                              theirs.bits != ours.bits ? "bits" : "mounting"));
+      throw input_error("{}: has another panel.{}, which a player reads at its start", file,
+                        theirs.bits != ours.bits ? "bits" : "mounting");
     if (calibrated == calibrated_ && trim == trim_) return;
     set(std::move(calibrated), trim, saved_);
   }

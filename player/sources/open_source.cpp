@@ -7,7 +7,7 @@
 #include <iterator>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/print.h"
 #include "frames/qr/qr_code.h"
@@ -45,8 +45,8 @@ frames::WovenFrame draw_still(const SourceSpec& source, const OpenContext& conte
 
 OpenedSource open_still(const SourceSpec& source, const OpenContext& context, const char* what) {
   if (context.frames)
-    throw Error(ErrorKind::Usage, fmt::format("--frames: not allowed for {}", what),
-                "use --frames with a pattern such as 'out/%05d.png'");
+    throw usage_error("--frames: not allowed for {}", what)
+        .remedy("use --frames with a pattern such as 'out/%05d.png'");
   if (source.kind != SourceKind::RigViews)
     return {.source = std::make_unique<StillSource>(draw_still(source, context))};
   LENTICULE_CHECK(context.rig != nullptr);
@@ -58,10 +58,11 @@ OpenedSource open_still(const SourceSpec& source, const OpenContext& context, co
 void refuse_other_kinds(const SourceSpec& source) {
   const std::string& text = source.text;
   if (source.has_pictures() && !text.empty()) return;
-  throw Error(ErrorKind::Usage, fmt::format("source '{}': unknown kind of source", text),
-              "use ring:SOCKET, v4l2:DEVICE, FILE.lts, a pattern such as 'out/%05d.png', one "
-              "picture, a video, "
-              "LIST.toml, .m3u or .json, a folder, card, black, views or code:TEXT");
+  throw usage_error("source '{}': unknown kind of source", text)
+      .remedy(
+          "use ring:SOCKET, v4l2:DEVICE, FILE.lts, a pattern such as 'out/%05d.png', one "
+          "picture, a video, "
+          "LIST.toml, .m3u or .json, a folder, card, black, views or code:TEXT");
 }
 
 /// Returns the name in the rig that a container stores.
@@ -155,8 +156,8 @@ frames::FrameGeometry size_of_ring(const SourceSpec& source, const OpenContext& 
       text.starts_with(kSize) ? numbers_from<int, 2>(text.substr(kSize.size()), 'x') : std::nullopt;
   if (!size || frames::geometry_problem({.width = (*size)[0], .height = (*size)[1]},
                                         frames::kMinSlots) != nullptr)
-    throw Error(ErrorKind::Usage, fmt::format("source '{}': not a size of views", source.text),
-                "for example 'ring:/run/user/1000/panel?size=3360x3360' --grid 8x6");
+    throw usage_error("source '{}': not a size of views", source.text)
+        .remedy("for example 'ring:/run/user/1000/panel?size=3360x3360' --grid 8x6");
   return {.width = (*size)[0], .height = (*size)[1]};
 }
 
@@ -209,8 +210,8 @@ OpenedSource open_ring(const SourceSpec& source, const OpenContext& context) {
   const Content content = identify(source, {});
   if (content.kind == Content::Kind::Woven) {
     if (size_of_ring(source, context) != context.panel)
-      throw Error(ErrorKind::Usage, source.text + ": woven frames have the size of the panel",
-                  "leave ?size= out, or state the layout of views: --grid 8x6");
+      throw usage_error("{}: woven frames have the size of the panel", source.text)
+          .remedy("leave ?size= out, or state the layout of views: --grid 8x6");
     auto ring = frames::RingPlayer::open(options);
     auto* const player = ring.get();
     return {.source = std::move(ring),
@@ -251,17 +252,15 @@ void refuse_on_wall(const SourceSpec& source) {
   using enum SourceKind;
   constexpr SourceKind kPlayed[] = {Sequence, Pictures, Card, Black, Code};
   if (std::ranges::find(kPlayed, source.kind) == std::end(kPlayed))
-    throw Error(ErrorKind::Usage,
-                fmt::format("source '{}': cannot be played on a wall", source.text),
-                "a wall plays films that were rendered for it: lenticule render --wall");
+    throw usage_error("source '{}': cannot be played on a wall", source.text)
+        .remedy("a wall plays films that were rendered for it: lenticule render --wall");
 }
 
 /// Views are woven for a rig of a file, and a wall gives its panels other viewing lines.
 void require_woven(const SourceSpec& source, const OpenContext& context) {
   if (identify(source, context.identity.fingerprint).kind == Content::Kind::Woven) return;
-  throw Error(ErrorKind::Usage,
-              fmt::format("{}: has views, and the panels of a wall play woven frames", source.text),
-              "weave them for each panel: lenticule rig wall --rigs, lenticule weave");
+  throw usage_error("{}: has views, and the panels of a wall play woven frames", source.text)
+      .remedy("weave them for each panel: lenticule rig wall --rigs, lenticule weave");
 }
 
 OpenedSource open_on_wall(const SourceSpec& source, const OpenContext& context) {

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/print.h"
 #include "frames/decoded_source.h"
 #include "frames/image_io.h"
@@ -61,18 +61,17 @@ void check_size(const std::string& name, const frames::FrameGeometry& size,
   const uint64_t limit = options.most_pixels.value_or(
       options.plays ? most_pixels : std::numeric_limits<uint64_t>::max());
   if (pixels_of(size) > limit)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {}x{} pixels; the limit is {} million", name, size.width,
-                            size.height, limit / 1'000'000),
-                "make the views smaller; a panel shows only a fraction of so many pixels");
+    throw input_error("{}: {}x{} pixels; the limit is {} million", name, size.width, size.height,
+                      limit / 1'000'000)
+        .remedy("make the views smaller; a panel shows only a fraction of so many pixels");
 }
 
 /// Returns all files of a pattern in a range. Throws Error(Usage) for a single picture,
 /// Error(Input) that names the first missing file.
 std::vector<fs::path> files_in_range(const std::string& text, FrameRange range) {
   if (!frames::FilePattern::looks_like_pattern(text))
-    throw Error(ErrorKind::Usage, fmt::format("--frames: '{}' is a single picture", text),
-                "use a pattern such as 'out/%05d.png'");
+    throw usage_error("--frames: '{}' is a single picture", text)
+        .remedy("use a pattern such as 'out/%05d.png'");
   const frames::FilePattern pattern(text);
   std::vector<uint64_t> numbers = pattern.existing();
   std::erase_if(numbers, [&](uint64_t n) { return n < range.begin || n >= range.end; });
@@ -80,8 +79,8 @@ std::vector<fs::path> files_in_range(const std::string& text, FrameRange range) 
   for (uint64_t n = range.begin; n < range.end; ++n) {
     const size_t index = static_cast<size_t>(n - range.begin);
     if (index >= numbers.size() || numbers[index] != n)
-      throw Error(ErrorKind::Input, fmt::format("{}: no such file", pattern.path(n).string()),
-                  "use a range of existing frames");
+      throw input_error("{}: no such file", pattern.path(n).string())
+          .remedy("use a range of existing frames");
     files.push_back(pattern.path(n));
   }
   return files;
@@ -115,8 +114,8 @@ std::unique_ptr<FrameSource> open_container(const std::string& text,
   if (options.frames) {
     const uint64_t named_first = frames::SequenceReader(text).info().first_frame;
     if (options.frames->begin < named_first)
-      throw Error(ErrorKind::Input, fmt::format("{}: starts at frame {}", text, named_first),
-                  "use a range of existing frames");
+      throw input_error("{}: starts at frame {}", text, named_first)
+          .remedy("use a range of existing frames");
     sequence.begin = options.frames->begin - named_first;
     sequence.end = options.frames->end - named_first;
   }
@@ -154,9 +153,8 @@ bool is_video(const std::string& name) {
 void refuse_float_depth(const std::string& file) {
   const std::string extension = fs::path(file).extension().string();
   if (extension == ".exr" || extension == ".hdr")
-    throw Error(ErrorKind::Usage,
-                fmt::format("--depth {}: floating-point depth is not supported", file),
-                "store it as a grey picture in which white is near");
+    throw usage_error("--depth {}: floating-point depth is not supported", file)
+        .remedy("store it as a grey picture in which white is near");
 }
 
 optics::Rig rig_of_woven(const Content& content) {
@@ -164,9 +162,8 @@ optics::Rig rig_of_woven(const Content& content) {
   const std::string& rig_file = source.content.from_rig;
   if (rig_file.empty()) {
     if (content.rig_toml.empty())
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: does not contain the rig that it was woven for", source.text),
-                  "use --from-rig RIG.toml");
+      throw input_error("{}: does not contain the rig that it was woven for", source.text)
+          .remedy("use --from-rig RIG.toml");
     return optics::parse_rig(content.rig_toml, source.text + ": its rig");
   }
   auto [rig, identity] = optics::load_rig_and_identity(rig_file);
@@ -178,10 +175,9 @@ optics::Rig rig_of_woven(const Content& content) {
   if (matched == optics::RigMatch::Trimmed && !info.rig_toml.empty())
     return optics::parse_rig(info.rig_toml, source.text + ": its rig");
   if (matched != optics::RigMatch::Same)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: was woven for another rig ({}), not for {} ({})", source.text,
-                            info.rig_fingerprint, rig_file, identity.fingerprint),
-                "use --reweave instead of --from-rig: the file contains its rig");
+    throw input_error("{}: was woven for another rig ({}), not for {} ({})", source.text,
+                      info.rig_fingerprint, rig_file, identity.fingerprint)
+        .remedy("use --reweave instead of --from-rig: the file contains its rig");
   return rig;
 }
 
@@ -253,8 +249,7 @@ class ViewsOpener {
     const std::vector<std::string> names = names_of_views(content_.source);
     const int wanted = content_.source.content.views;
     if (wanted != 0 && static_cast<size_t>(wanted) != names.size())
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: has {} views, but --views is {}", name_, names.size(), wanted));
+      throw input_error("{}: has {} views, but --views is {}", name_, names.size(), wanted);
     const bool films = std::any_of(names.begin(), names.end(), [](const std::string& name) {
       return is_video(name) || frames::FilePattern::looks_like_pattern(name);
     });
@@ -284,9 +279,8 @@ class ViewsOpener {
     for (const std::string& name : names) {
       const FrameSource& film = add_pictures(name);
       if (film.geometry() != sources_.front()->geometry())
-        throw Error(ErrorKind::Input,
-                    fmt::format("{}: its size differs from that of {}", name, names[0]),
-                    "all views must have the same size");
+        throw input_error("{}: its size differs from that of {}", name, names[0])
+            .remedy("all views must have the same size");
     }
     return input_of_views();
   }
@@ -466,14 +460,14 @@ void await_first(ViewInput& input, const std::string& name) {
       case frames::PullStatus::Ready:
         return;
       case frames::PullStatus::End:
-        throw Error(ErrorKind::Input, fmt::format("{}: has no frames", name));
+        throw input_error("{}: has no frames", name);
       case frames::PullStatus::Failed:
         throw Error(ErrorKind::Input, input.failure(), frames::kDamagedRemedy);
       case frames::PullStatus::NotYet:
         input.wait(kLongestWait);
     }
   }
-  throw Error(ErrorKind::Failed, fmt::format("{}: no picture arrived", name));
+  throw failed_error("{}: no picture arrived", name);
 }
 
 frames::FrameDamage await_damage(ViewInput& input) {

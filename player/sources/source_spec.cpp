@@ -7,7 +7,7 @@
 #include <array>
 #include <system_error>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/text.h"
 #include "frames/capture/pixel_layout.h"
@@ -92,9 +92,10 @@ std::optional<uint64_t> frame_number(std::string_view text) {
 constexpr double kUsualLiveRate = 60.0;
 
 [[noreturn]] void refuse_live(const std::string& text, const std::string& what) {
-  throw Error(ErrorKind::Usage, fmt::format("source '{}': {}", text, what),
-              "for example v4l2:/dev/video0, v4l2:/dev/video0,/dev/video2 or "
-              "'v4l2:/dev/video0?size=1920x1080&format=MJPG&rate=60'");
+  throw usage_error("source '{}': {}", text, what)
+      .remedy(
+          "for example v4l2:/dev/video0, v4l2:/dev/video0,/dev/video2 or "
+          "'v4l2:/dev/video0?size=1920x1080&format=MJPG&rate=60'");
 }
 
 void read_option(const std::string& text, std::string_view option,
@@ -225,10 +226,9 @@ FrameRange parse_frame_range(std::string_view text) {
   const auto end = single && begin ? *begin + 1 : frame_number(text.substr(colon + 1));
   const bool numbers = begin && end;
   if (!numbers || *end <= *begin)
-    throw Error(ErrorKind::Usage,
-                fmt::format("--frames '{}': {}", text,
-                            numbers ? "contains no frame" : "not a range of frames"),
-                "for example --frames 0:24, which ends before frame 24");
+    throw usage_error("--frames '{}': {}", text,
+                      numbers ? "contains no frame" : "not a range of frames")
+        .remedy("for example --frames 0:24, which ends before frame 24");
   return {*begin, *end};
 }
 

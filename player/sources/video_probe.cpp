@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/sources/video_probe.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/exit_code.h"
 #include "base/file.h"
 #include "base/installation.h"
@@ -72,10 +70,9 @@ frames::FrameGeometry geometry(const JsonFields& fields) {
   const frames::FrameGeometry size{.width = static_cast<int>(*width),
                                    .height = static_cast<int>(*height)};
   if (frames::geometry_problem(size, frames::kMinSlots) != nullptr)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: pictures of {}x{} pixels cannot be played", fields.source(),
-                            *width, *height),
-                "each side must have 1 to 32768 pixels");
+    throw input_error("{}: pictures of {}x{} pixels cannot be played", fields.source(), *width,
+                      *height)
+        .remedy("each side must have 1 to 32768 pixels");
   return size;
 }
 
@@ -187,16 +184,15 @@ VideoProbe probe(const fs::path& file, const fs::path& program) {
   if (result.exit_code == kInput) throw reported_error(ErrorKind::Input, result.output);
   // Also the message of the dynamic linker, if libraries are missing in the middle of an upgrade.
   if (result.exit_code > 0) throw reported_error(ErrorKind::Failed, result.output);
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: the program that examines it {}", file.string(),
-                          result.timed_out ? "does not end" : "crashed or took longer than 20 s"),
-              "the file is broken, or its disk too slow; convert it again");
+  throw input_error("{}: the program that examines it {}", file.string(),
+                    result.timed_out ? "does not end" : "crashed or took longer than 20 s")
+      .remedy("the file is broken, or its disk too slow; convert it again");
 }
 
 }  // namespace
 
 VideoProbe parse_video_probe(std::string_view text, const std::string& source) {
-  if (text.size() > kMostText) throw Error(ErrorKind::Input, source + ": description too long");
+  if (text.size() > kMostText) throw input_error("{}: description too long", source);
   const json report = optics::parse_json(text, source);
   const JsonFields fields(report, source);
   return {.pictures = parse_streams(fields, "streams", parse_stream),
@@ -241,8 +237,8 @@ fs::path find_video_program() {
 std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {
   std::vector<VideoStream> all = probe(file, program).pictures;
   if (all.empty())
-    throw Error(ErrorKind::Input, file.string() + ": no stream with pictures",
-                "name a file that contains a video");
+    throw input_error("{}: no stream with pictures", file.string())
+        .remedy("name a file that contains a video");
   return all;
 }
 

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/exit_code.h"
 #include "base/print.h"
 #include "base/unique_fd.h"
@@ -44,9 +44,8 @@ const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
   if (!request.stream) return streams.front();
   for (const VideoStream& stream : streams)
     if (stream.index == *request.stream) return stream;
-  throw Error(ErrorKind::Usage,
-              fmt::format("{}: stream {} has no pictures", request.file.string(), *request.stream),
-              "lenticule-video probe lists the streams");
+  throw usage_error("{}: stream {} has no pictures", request.file.string(), *request.stream)
+      .remedy("lenticule-video probe lists the streams");
 }
 
 frames::FrameGeometry upright_geometry(const VideoStream& stream) {
@@ -64,29 +63,26 @@ void refuse_tags_of_woven(const VideoStream& stream, const std::string& file) {
         fmt::format("{}: is tagged to be rotated, and woven frames are never rotated", file),
         "remove its rotation, or rotate the views before they are woven");
   if (std::abs(stream.pixel_aspect - 1.0) > kSquare)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: its pixels are tagged {:.3g} times as wide as high, and woven "
-                            "frames are never scaled",
-                            file, stream.pixel_aspect),
-                "remove the sample aspect ratio, or scale the views before they are woven");
+    throw input_error(
+        "{}: its pixels are tagged {:.3g} times as wide as high, and woven frames are never scaled",
+        file, stream.pixel_aspect)
+        .remedy("remove the sample aspect ratio, or scale the views before they are woven");
 }
 
 void refuse_unsuitable(const VideoStream& stream, const VideoRequest& request) {
   const std::string file = request.file.string();
   if (!stream.refusal.empty())
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", file, stream.refusal),
-                stream.pixel_format.empty() ? "convert it, for example to FFV1 or H.264"
+    throw input_error("{}: {}", file, stream.refusal)
+        .remedy(stream.pixel_format.empty() ? "convert it, for example to FFV1 or H.264"
                                             : "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
   if (!stream.orientation)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: is tagged to be rotated, but not by quarter turns", file),
-                "remove its rotation");
+    throw input_error("{}: is tagged to be rotated, but not by quarter turns", file)
+        .remedy("remove its rotation");
   if (!request.before_weaving) refuse_tags_of_woven(stream, file);
   if (!stream.full_chroma && !request.before_weaving)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {} chroma ({}) mixes the colours of neighbouring subpixels", file,
-                            stream.sampling, stream.pixel_format),
-                remedy_of_unwoven(upright_geometry(stream)));
+    throw input_error("{}: {} chroma ({}) mixes the colours of neighbouring subpixels", file,
+                      stream.sampling, stream.pixel_format)
+        .remedy(remedy_of_unwoven(upright_geometry(stream)));
 }
 
 VideoStream suitable_stream(const VideoRequest& request) {

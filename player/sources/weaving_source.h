@@ -2,8 +2,6 @@
 // WeavingPipeline weaves views into a rig's woven frames; WeavingSource does that during playback.
 #pragma once
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -19,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/print.h"
 #include "base/unique_fd.h"
@@ -55,8 +53,8 @@ struct WeavingFlags {
   if (text == "spot") return frames::crosstalk_of_spot(rig.sheet.spot_sigma.value * views);
   const auto percent = number_from<double>(text);
   if (!percent)
-    throw Error(ErrorKind::Usage, fmt::format("--crosstalk '{}': not a percentage", text),
-                "for example --crosstalk 12, or --crosstalk spot");
+    throw usage_error("--crosstalk '{}': not a percentage", text)
+        .remedy("for example --crosstalk 12, or --crosstalk spot");
   return frames::crosstalk_of_percent(*percent);
 }
 
@@ -321,8 +319,7 @@ class WeavingSource final : public frames::FrameSource {
         nothing_to_do_ = !options_.plays_again && rounds_wanted_ <= rounds_woven_;
         if (nothing_to_do_) return false;
       }
-      if (!input_->rewind())
-        throw Error(ErrorKind::Failed, options_.name + ": cannot be restarted");
+      if (!input_->rewind()) throw failed_error("{}: cannot be restarted", options_.name);
       at_end_ = false;
     }
     Slot* const slot = free_slot();

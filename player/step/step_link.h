@@ -27,7 +27,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/numbers.h"
 #include "base/print.h"
@@ -59,9 +59,10 @@ inline StepEndpoint endpoint_of(const sockaddr* address, socklen_t bytes) {
 }
 
 [[noreturn]] inline void refuse_address(const std::string& text) {
-  throw Error(ErrorKind::Usage, fmt::format("--step-address '{}': not an address", text),
-              "write ADDRESS:PORT with a numeric address, such as 192.168.1.20:7070 or "
-              "[fd00::20]:7070, or the path of a Unix socket, such as /run/lenticule/step.sock");
+  throw usage_error("--step-address '{}': not an address", text)
+      .remedy(
+          "write ADDRESS:PORT with a numeric address, such as 192.168.1.20:7070 or "
+          "[fd00::20]:7070, or the path of a Unix socket, such as /run/lenticule/step.sock");
 }
 
 /// Parses "ADDRESS:PORT", "[ADDRESS]:PORT", or the path of a Unix socket, which has a slash. Throws
@@ -159,15 +160,14 @@ class StepSocket {
 
   static void check(bool done, const char* problem) {
     if (done) return;
-    throw Error(ErrorKind::Failed, fmt::format("--step: {}: {}", problem, std::strerror(errno)));
+    throw failed_error("--step: {}: {}", problem, std::strerror(errno));
   }
 
   void bind_to(const StepEndpoint& endpoint, const std::string& text) const {
     if (::bind(fd_, generic(endpoint), endpoint.bytes) == 0) return;
     const bool taken = errno == EADDRINUSE;
-    throw Error(ErrorKind::Device,
-                fmt::format("--step-address {}: cannot be bound: {}", text, std::strerror(errno)),
-                taken ? "stop the other leader, or use another port"
+    throw device_error("--step-address {}: cannot be bound: {}", text, std::strerror(errno))
+        .remedy(taken ? "stop the other leader, or use another port"
                       : "a leader needs an address of its own machine, or 0.0.0.0 for all of them");
   }
 
@@ -212,8 +212,8 @@ inline constexpr uint64_t kMostKeyBytes = 4096;
         "make one: head -c 32 /dev/urandom > step.key");
   struct stat status {};
   if (::stat(file.c_str(), &status) == 0 && (status.st_mode & S_IRWXO) != 0)
-    throw Error(ErrorKind::Input, file + ": other users of this machine may use the key",
-                "chmod o= " + file);
+    throw input_error("{}: other users of this machine may use the key", file)
+        .remedy("chmod o= " + file);
   return key;
 }
 

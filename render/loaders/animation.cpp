@@ -8,7 +8,7 @@
 #include <numeric>
 #include <span>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
@@ -64,7 +64,7 @@ std::vector<Camera> parse_camera_path(std::string_view text, const std::string& 
     if (path.size() == kMaxPoses) reader.fail(fmt::format("more than {} poses", kMaxPoses));
     path.push_back(pose(numbers, fov, reader));
   }
-  if (path.empty()) throw Error(ErrorKind::Input, source + ": the camera path contains no pose");
+  if (path.empty()) throw input_error("{}: the camera path contains no pose", source);
   return path;
 }
 
@@ -187,7 +187,7 @@ void turn_tangent(Tangent& tangent, const Affine& map, bool mirrors) {
 void require_finite(const TriangleMesh& mesh) {
   for (const Vec3& p : mesh.positions)
     if (!is_finite(p))
-      throw Error(ErrorKind::Input, "mesh '" + mesh.name + "': its node's transform is not finite");
+      throw input_error("mesh '{}': its node's transform is not finite", mesh.name);
 }
 
 /// Adds the morph targets to the vertices, each with its weight.
@@ -274,8 +274,8 @@ void bake(Object& object, const SceneDescription& scene, const std::vector<Affin
   const auto node = static_cast<size_t>(object.node);
   object.node = -1;
   if (!transform(object, world[node]))
-    throw Error(ErrorKind::Input, scene.source + ": node '" + scene.nodes[node].name +
-                                      "': its transform is not finite");
+    throw input_error("{}: node '{}': its transform is not finite", scene.source,
+                      scene.nodes[node].name);
 }
 
 /// Calls visit(object) for every object that belongs to a node.

@@ -23,7 +23,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/text.h"
 #include "frames/image_io.h"
 #include "optics/vec.h"
@@ -369,13 +369,13 @@ class MaterialTextures {
   frames::TextureImage read_embedded(const aiTexture& embedded, const std::string& name,
                                      frames::TextureContent content, frames::TexelPlace place) {
     const std::string label = fmt::format("{}: embedded texture {}", source_, name);
-    if (embedded.pcData == nullptr) throw Error(ErrorKind::Input, label + ": empty");
+    if (embedded.pcData == nullptr) throw input_error("{}: empty", label);
     if (embedded.mHeight == 0)
       return frames::read_texture(
           std::span(reinterpret_cast<const uint8_t*>(embedded.pcData), embedded.mWidth), label,
           content, place);
     const size_t texels = static_cast<size_t>(embedded.mWidth) * embedded.mHeight;
-    if (texels > kMaxTextureBytes / 4) throw Error(ErrorKind::Input, label + ": too large");
+    if (texels > kMaxTextureBytes / 4) throw input_error("{}: too large", label);
     frames::TextureImage image{
         static_cast<int>(embedded.mWidth), static_cast<int>(embedded.mHeight), {}, {}};
     image.codes.reserve(texels * 4);

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/misnamed_file.h"
 #include "base/numbers.h"
 #include "base/text.h"
@@ -45,8 +45,7 @@ constexpr std::array<AxisTurn, 6> kAxes{{
 UpAxis up_axis_named(const std::string& name) {
   const auto* const found = std::ranges::find(kAxes, name, &AxisTurn::name);
   if (found == kAxes.end())
-    throw Error(ErrorKind::Usage, "--up '" + name + "': not an axis",
-                "axes are x, y, z, -x, -y and -z");
+    throw usage_error("--up '{}': not an axis", name).remedy("axes are x, y, z, -x, -y and -z");
   return found->axis;
 }
 
@@ -94,29 +93,27 @@ void require_format(const std::filesystem::path& file, bool any) {
   const std::string extension = lower_case(file.extension().string());
   if (std::ranges::find(kFormats, extension) != kFormats.end()) return;
   if (!assimp_reads(extension))
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: unknown scene format '{}'", file.string(), extension),
-                "use .glb, .gltf, .obj, .ply, .stl, .fbx, .dae or .nff");
+    throw input_error("{}: unknown scene format '{}'", file.string(), extension)
+        .remedy("use .glb, .gltf, .obj, .ply, .stl, .fbx, .dae or .nff");
   if (!any)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: models in {} are not read: their only reader, of assimp, crashes "
-                            "too often",
-                            file.string(), extension),
-                "convert it to glTF (.glb), for example in Blender, or try --any-format");
+    throw input_error(
+        "{}: models in {} are not read: their only reader, of assimp, crashes too often",
+        file.string(), extension)
+        .remedy("convert it to glTF (.glb), for example in Blender, or try --any-format");
 }
 
 void require_file(const std::filesystem::path& file) {
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
   if (!std::filesystem::exists(status))
-    throw Error(ErrorKind::Input, fmt::format("{}: no such file", file.string()),
-                "correct the name; built-in scenes are named builtin:demo");
+    throw input_error("{}: no such file", file.string())
+        .remedy("correct the name; built-in scenes are named builtin:demo");
   if (!std::filesystem::is_regular_file(status))
-    throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
+    throw input_error("{}: not a regular file", file.string());
   const std::string extension = lower_case(file.extension().string());
   std::array<char, 64> bytes{};
   if (std::ifstream(file, std::ios::binary).read(bytes.data(), bytes.size()).gcount() == 0)
-    throw Error(ErrorKind::Input, file.string() + ": empty, or cannot be read", "copy it anew");
+    throw input_error("{}: empty, or cannot be read", file.string()).remedy("copy it anew");
   const std::string_view head(bytes.data(), bytes.size());
   bool is_shown = head.substr(4, 4) == "ftyp";  // MP4, MOV, HEIC, AVIF
   for (const std::string_view begin : {"\x1a\x45\xdf\xa3", "RIFF", "GIF8"})
@@ -124,11 +121,10 @@ void require_file(const std::filesystem::path& file) {
   for (const std::string_view name : {".png", ".jpg", ".jpeg", ".lts"})
     is_shown |= extension == name;
   if (is_shown)
-    throw Error(ErrorKind::Input, file.string() + ": a picture or a film, not a model",
-                "name it as what it is, and show it with lenticule play");
+    throw input_error("{}: a picture or a film, not a model", file.string())
+        .remedy("name it as what it is, and show it with lenticule play");
   if (const auto is = recognise_misnamed(head, extension))
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), is->what),
-                std::string(is->remedy));
+    throw input_error("{}: {}", file.string(), is->what).remedy(std::string(is->remedy));
 }
 
 /// Refuses numbers of vertices, faces and edges that an OFF file has no room for: assimp would

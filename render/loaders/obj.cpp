@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/text.h"
 #include "render/loaders/formats.h"
@@ -35,7 +35,7 @@ using frames::TextureContent;
 TextReader reader_of(std::span<const uint8_t> bytes, const std::filesystem::path& file) {
   const std::string_view text = text_of(bytes);
   if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF"))
-    throw Error(ErrorKind::Input, file.string() + ": is UTF-16 text", "save it as UTF-8");
+    throw input_error("{}: is UTF-16 text", file.string()).remedy("save it as UTF-8");
   return {text, file.string(), "the file is damaged or cut off: export the model again"};
 }
 

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "render/loaders/limits.h"
 
@@ -19,7 +19,7 @@ bool is_space(char c) {
 }  // namespace
 
 void refuse(const std::string& source, const std::string& reason) {
-  throw Error(ErrorKind::Input, source + ": " + reason);
+  throw input_error("{}: {}", source, reason);
 }
 
 std::optional<double> parse_number(std::string_view word) {
@@ -154,8 +154,7 @@ void TextReader::fail(const std::string& reason, const std::string& hint) const 
 }
 
 void TextReader::fail_at(int line, const std::string& reason, const std::string& hint) const {
-  throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", source_, line, reason),
-              hint.empty() ? remedy_ : hint);
+  throw input_error("{}:{}: {}", source_, line, reason).remedy(hint.empty() ? remedy_ : hint);
 }
 
 void TextReader::require_at_most(size_t count, size_t most, const char* what) const {

@@ -8,7 +8,7 @@
 #include <mutex>
 #include <utility>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "render/loaders/limits.h"
 #include "render/scene/texture.h"
 
@@ -73,8 +73,7 @@ int Textures::add(const TextureSource& source, const Decode& decode) {
     frames::TextureImage image = decoded ? std::move(decoded.mapped()) : decode();
     bytes_ += bytes_of(image);
     if (bytes_ > kMaxTextureBytes)
-      throw Error(ErrorKind::Input,
-                  fmt::format("textures of more than {} MiB in memory", kMaxTextureBytes >> 20));
+      throw input_error("textures of more than {} MiB in memory", kMaxTextureBytes >> 20);
     if (image.reduced > 1)
       note(fmt::format("texture reduced to {} x {} texels, 1/{} of its width and height: {}",
                        image.width, image.height, image.reduced, source.name));
@@ -90,9 +89,8 @@ frames::TextureImage combined(const frames::FloatImage& a, const frames::FloatIm
   frames::TextureImage both{std::max(a.width, b.width), std::max(a.height, b.height), {}, {}};
   const auto texels = static_cast<uint64_t>(both.width) * static_cast<uint64_t>(both.height);
   if (texels > frames::kMaxTexturePixels)
-    throw Error(ErrorKind::Input,
-                fmt::format("two pictures whose common size is {} x {}", both.width, both.height),
-                "scale them to the same size");
+    throw input_error("two pictures whose common size is {} x {}", both.width, both.height)
+        .remedy("scale them to the same size");
   const auto texel = [&](const frames::FloatImage& image, int x, int y) {
     const auto column = static_cast<int64_t>(x) * image.width / both.width;
     const auto row = static_cast<int64_t>(y) * image.height / both.height;

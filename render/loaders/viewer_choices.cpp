@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 
 namespace lenticule::render {
@@ -34,8 +34,7 @@ Selection select(const std::vector<std::string>& names, const std::string& wante
   auto index = static_cast<size_t>(std::ranges::find(names, wanted) - names.begin());
   if (index == names.size()) index = number_from<size_t>(wanted).value_or(0) - 1;
   if (index < names.size()) return {names, static_cast<int>(index)};
-  throw Error(ErrorKind::Input, fmt::format("{}: no {} '{}'", source, kind, wanted),
-              listed(kind, names));
+  throw input_error("{}: no {} '{}'", source, kind, wanted).remedy(listed(kind, names));
 }
 
 void apply_choices(SceneDescription& scene, const ViewerChoices& wanted) {

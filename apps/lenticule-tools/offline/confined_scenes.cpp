@@ -83,8 +83,8 @@ class KeptTextures {
       auto kept = kept_.extract(texture->held);
       if (!kept || kept.mapped().image.width != texture->width ||
           kept.mapped().image.height != texture->height)
-        throw Error(ErrorKind::Input, name + ": its reader names a texture that was not read",
-                    kProgram.remedy);
+        throw input_error("{}: its reader names a texture that was not read", name)
+            .remedy(kProgram.remedy);
       auto filled = std::make_shared<render::Texture>(*texture);
       filled->held = -1;
       filled->codes = std::move(kept.mapped().image.codes);
@@ -133,10 +133,10 @@ class KeptTextures {
     struct stat status {};
     if (question.bytes > frames::confined::kPictureFileLimit || ::fstat(file, &status) != 0 ||
         static_cast<uint64_t>(status.st_size) < question.bytes)
-      throw Error(ErrorKind::Input, name + ": too large");
+      throw input_error("{}: too large", name);
     std::vector<uint8_t> bytes(question.bytes);
     if (read_from_start(file, bytes) != std::ssize(bytes))
-      throw Error(ErrorKind::Input, name + ": cannot be read");
+      throw input_error("{}: cannot be read", name);
     return frames::read_texture(bytes, name, content);
   }
 

@@ -21,7 +21,7 @@
 #include "apps/lenticule-web/http/access.h"
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/link/control_link.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "frames/charts/charts.h"
 #include "frames/frame.h"
 #include "frames/ring/ring_layout.h"
@@ -179,7 +179,7 @@ class PictureMaker {
   static constexpr int kQuality = 85;
 
   [[noreturn]] static void fail(const std::string& cause) {
-    throw Error(ErrorKind::Failed, "picture: " + cause);
+    throw failed_error("picture: {}", cause);
   }
 
   static size_t number_in(const nlohmann::ordered_json& answer, const char* key) {

@@ -32,7 +32,7 @@
 #include "apps/lenticule-web/http/parse.h"
 #include "apps/lenticule-web/link/control_link.h"
 #include "apps/lenticule-web/link/player_state.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/print.h"
 #include "base/subprocess.h"
@@ -381,8 +381,8 @@ class WebSite final : public Site {
                      *options_.clock) {
     if (!options_.media) return;
     if (!std::filesystem::is_directory(*options_.media))
-      throw Error(ErrorKind::Usage, "--media: no folder " + options_.media->string(),
-                  "make it, and give the server's user the right to write there");
+      throw usage_error("--media: no folder {}", options_.media->string())
+          .remedy("make it, and give the server's user the right to write there");
     const std::filesystem::path folder = std::filesystem::canonical(*options_.media);
     media_ =
         std::make_unique<Media>(MediaOptions{.folder = folder,

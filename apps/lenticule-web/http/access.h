@@ -113,8 +113,8 @@ inline bool is_hexadecimal(std::string_view text, size_t digits) {
 }
 
 [[noreturn]] inline void refuse(const std::filesystem::path& file, const std::string& cause) {
-  throw Error(ErrorKind::Input, file.string() + ": " + cause,
-              "remove the file; new tokens: lenticule web token add NAME");
+  throw input_error("{}: {}", file.string(), cause)
+      .remedy("remove the file; new tokens: lenticule web token add NAME");
 }
 
 inline Token token_of(const nlohmann::json& entry, const std::filesystem::path& file) {

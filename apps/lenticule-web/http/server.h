@@ -43,7 +43,7 @@
 #include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/http/message.h"
 #include "apps/lenticule-web/http/parse.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/numbers.h"
 #include "base/print.h"
 #include "base/text.h"
@@ -513,7 +513,7 @@ class Server {
           MHD_OPTION_NOTIFY_CONNECTION, &ServerCallbacks::connection_changed, door.get(),
           MHD_OPTION_END);
       if (door->daemon == nullptr)
-        throw Error(ErrorKind::Failed, door->listener.name + ": the HTTP server cannot be started");
+        throw failed_error("{}: the HTTP server cannot be started", door->listener.name);
       doors_.push_back(std::move(door));
     }
   }

@@ -11,7 +11,7 @@
 
 #include "apps/lenticule-web/http/clock.h"
 #include "apps/lenticule-web/http/message.h"
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/json_line_socket.h"
 #include "base/unique_fd.h"
 
@@ -71,7 +71,7 @@ class ControlLink {
 
  private:
   [[noreturn]] static void fail(const std::string& socket, const std::string& cause) {
-    throw Error(ErrorKind::Device, socket + ": " + cause, kRemedy);
+    throw device_error("{}: {}", socket, cause).remedy(kRemedy);
   }
 
   [[noreturn]] static void throw_error_of(const nlohmann::ordered_json& answer) {

@@ -41,8 +41,8 @@ std::optional<int64_t> time_of(const char* flag, const std::string& text) {
 ExitCode print_hash(const std::string& source) {
   const std::string hash = content_hash(player::parse_source(source), std::atomic<bool>(false));
   if (hash.empty())
-    throw Error(ErrorKind::Usage, source + ": has no hash, because it is not made of files",
-                "use a sequence, a picture or a video");
+    throw usage_error("{}: has no hash, because it is not made of files", source)
+        .remedy("use a sequence, a picture or a video");
   print_out("{}  {}\n", hash, source);
   return kOk;
 }

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <type_traits>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "base/text.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/text_reader.h"
@@ -110,7 +110,7 @@ Vec3 JsonAt::vector(const char* key, Vec3 otherwise) const {
 
 void JsonAt::fail(const std::string& reason) const {
   const std::string place = path_.empty() ? *file_ : *file_ + ": " + path_;
-  throw Error(ErrorKind::Input, place + ": " + reason);
+  throw input_error("{}: {}", place, reason);
 }
 
 // ---- buffer views of EXT_meshopt_compression

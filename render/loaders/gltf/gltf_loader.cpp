@@ -19,7 +19,7 @@
 #include <string_view>
 #include <vector>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "render/loaders/animation.h"
 #include "render/loaders/formats.h"
 #include "render/loaders/gltf/document.h"
@@ -1012,10 +1012,9 @@ void check_version(const JsonAt& root) {
 void check_extensions(const JsonAt& root, SceneDescription& scene) {
   for (const JsonAt& name : root.list("extensionsRequired")) {
     if (name.text() == "KHR_texture_basisu")
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: {}: KHR_texture_basisu: KTX2 textures are not read",
-                              scene.source, name.path()),
-                  "convert the model: gltf-transform ktxdecompress IN.glb OUT.glb");
+      throw input_error("{}: {}: KHR_texture_basisu: KTX2 textures are not read", scene.source,
+                        name.path())
+          .remedy("convert the model: gltf-transform ktxdecompress IN.glb OUT.glb");
     if (std::ranges::find(kExtensions, name.text()) == kExtensions.end())
       name.fail(fmt::format("unknown extension '{}'", name.text().substr(0, 80)));
   }
@@ -1068,7 +1067,7 @@ SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& sourc
     nodes.import_cameras();
     notes.write(scene);
   } catch (const std::bad_alloc&) {
-    throw Error(ErrorKind::Input, source + ": needs more memory than is available");
+    throw input_error("{}: needs more memory than is available", source);
   }
   bake_still_nodes(scene);
   expose(scene);

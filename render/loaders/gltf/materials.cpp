@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string_view>
 
-#include "base/error.h"
+#include "base/error_kinds.h"
 #include "render/loaders/limits.h"
 
 namespace lenticule::render::gltf {
@@ -58,9 +58,9 @@ frames::TextureImage decode_picture(Bytes bytes, const std::string& label, Textu
   if (bytes.size() >= kKtx2.size() &&
       std::equal(kKtx2.begin(), kKtx2.end(), bytes.begin(),
                  [](char a, uint8_t b) { return static_cast<uint8_t>(a) == b; }))
-    throw Error(ErrorKind::Input, label +
-                                      ": KTX2 textures are not read; convert the model with "
-                                      "'gltf-transform ktxdecompress'");
+    throw input_error(
+        "{}: KTX2 textures are not read; convert the model with 'gltf-transform ktxdecompress'",
+        label);
   return frames::read_texture(bytes, label, content, frames::TexelPlace::Anywhere);
 }
 
@@ -117,8 +117,7 @@ int Materials::magnified(int material, double scale) {
       magnified_.try_emplace({material, scale}, static_cast<int>(scene_.materials.size()));
   if (!added) return known->second;
   if (scene_.materials.size() >= kMaxMaterials)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: more than {} materials", document_.source(), kMaxMaterials));
+    throw input_error("{}: more than {} materials", document_.source(), kMaxMaterials);
   Material copy = original;
   PbrMaterial thicker = *copy.pbr;
   thicker.thickness *= scale;
