@@ -222,8 +222,7 @@ inline constexpr int64_t kPublishEarlierFrames = 1024;
                            first / frames::kPredictorInterval < last / frames::kPredictorInterval;
     return static_cast<int64_t>(first) - (publishes ? kPublishEarlierFrames : 0);
   };
-  std::stable_sort(order.begin(), order.end(),
-                   [&](uint64_t a, uint64_t b) { return place(a) < place(b); });
+  std::ranges::stable_sort(order, [&](uint64_t a, uint64_t b) { return place(a) < place(b); });
   return order;
 }
 

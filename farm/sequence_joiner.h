@@ -259,9 +259,8 @@ class PartReader {
   /// Reads the next bytes into `to`.
   void read(std::span<uint8_t> to) {
     auto next = to.begin();
-    pass(to.size(), [&](std::span<const uint8_t> bytes) {
-      next = std::copy(bytes.begin(), bytes.end(), next);
-    });
+    pass(to.size(),
+         [&](std::span<const uint8_t> bytes) { next = std::ranges::copy(bytes, next).out; });
   }
   /// Drops the bytes before the offset.
   void skip_to(uint64_t offset) {

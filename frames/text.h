@@ -153,8 +153,7 @@ inline constexpr std::array<Drawing, 95> kDrawings = {{
   const Drawing& drawing =
       printable ? kDrawings.at(static_cast<size_t>(character - kFirstGlyph)) : kBoxGlyph;
   Glyph glyph{};
-  std::copy(drawing.rows.begin(), drawing.rows.end(),
-            glyph.begin() + static_cast<std::ptrdiff_t>(drawing.down));
+  std::ranges::copy(drawing.rows, glyph.begin() + static_cast<std::ptrdiff_t>(drawing.down));
   return glyph;
 }
 
@@ -163,7 +162,7 @@ inline constexpr std::array<Drawing, 95> kDrawings = {{
 /// Thread safety: any thread; one thread per frame at a time.
 inline void set_pixel(WovenFrame& frame, int x, int y, const Colour& colour) {
   if (x < 0 || y < 0 || x >= frame.width() || y >= frame.height()) return;
-  std::copy(colour.begin(), colour.end(), frame.row(y) + 3 * static_cast<ptrdiff_t>(x));
+  std::ranges::copy(colour, frame.row(y) + 3 * static_cast<ptrdiff_t>(x));
 }
 
 inline void fill_box(WovenFrame& frame, const PixelBox& box, const Colour& colour) {

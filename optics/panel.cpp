@@ -51,17 +51,16 @@ Mounting combined(const Mounting& first, const Mounting& second) {
 }
 
 Mounting mounting_named(std::string_view name) {
-  const auto found = std::find_if(kMountings.begin(), kMountings.end(),
-                                  [name](const auto& entry) { return name == entry.name; });
+  const auto found =
+      std::ranges::find_if(kMountings, [name](const auto& entry) { return name == entry.name; });
   if (found != kMountings.end()) return found->mounting;
   throw input_error("mounting '{}': not a known name", name)
       .remedy("use 0, 90, 180 or 270 (degrees clockwise), alone or after 'mirrored'");
 }
 
 std::string mounting_name(const Mounting& mounting) {
-  const auto found =
-      std::find_if(kMountings.begin(), kMountings.end(),
-                   [&mounting](const auto& entry) { return mounting == entry.mounting; });
+  const auto found = std::ranges::find_if(
+      kMountings, [&mounting](const auto& entry) { return mounting == entry.mounting; });
   LENTICULE_CHECK(found != kMountings.end());
   return found->name;
 }

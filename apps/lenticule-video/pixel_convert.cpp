@@ -55,9 +55,8 @@ bool is_whole_byte(const PixelComponent& component) {
 
 /// Returns true for 8-bit pictures whose chroma has half the columns.
 bool suits_short_sums(const PixelLayout& layout) {
-  return std::all_of(layout.components.begin(), layout.components.end(), is_whole_byte) &&
-         layout.components[0].step == 1 && layout.chroma_shift_x == 1 &&
-         layout.chroma_shift_y <= kMostFastShift;
+  return std::ranges::all_of(layout.components, is_whole_byte) && layout.components[0].step == 1 &&
+         layout.chroma_shift_x == 1 && layout.chroma_shift_y <= kMostFastShift;
 }
 
 }  // namespace
@@ -69,7 +68,7 @@ PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height,
       chroma_width_(chroma_size(width, layout.chroma_shift_x)),
       chroma_height_(chroma_size(height, layout.chroma_shift_y)),
       copies_bytes_(layout.model == ColourModel::Rgb &&
-                    std::all_of(layout.components.begin(), layout.components.end(), is_whole_byte)),
+                    std::ranges::all_of(layout.components, is_whole_byte)),
       values_(static_cast<size_t>(width)),
       second_(static_cast<size_t>(width)),
       kernel_(&pixel_kernel(isa)) {
@@ -86,7 +85,7 @@ PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height,
   plan_matrix();
   const auto is_shallow = [](const PixelComponent& c) { return c.depth <= kMostFastDepth; };
   short_ = suits_short_sums(layout);
-  fast_ = !short_ && std::all_of(layout.components.begin(), layout.components.end(), is_shallow) &&
+  fast_ = !short_ && std::ranges::all_of(layout.components, is_shallow) &&
           layout.chroma_shift_x <= kMostFastShift && layout.chroma_shift_y <= kMostFastShift;
   if (short_) plan_short_sums();
   if (fast_) plan_sums();

@@ -183,8 +183,7 @@ inline constexpr std::array kLayouts{
 [[nodiscard]] inline std::string fourcc_name(uint32_t fourcc) {
   std::string name;
   for (int shift = 0; shift < 32; shift += 8) name += static_cast<char>(fourcc >> shift & 0xFF);
-  const bool printable =
-      std::all_of(name.begin(), name.end(), [](char c) { return c >= ' ' && c <= '~'; });
+  const bool printable = std::ranges::all_of(name, [](char c) { return c >= ' ' && c <= '~'; });
   if (!printable || name == "    ") return fmt::format("0x{:08x}", fourcc);
   return name.substr(0, name.find_last_not_of(' ') + 1);
 }

@@ -160,7 +160,7 @@ class LinuxSystem final : public V4l2System {
       const int number = node_number(path.filename().string());
       if (number >= 0) numbered.emplace_back(number, path);
     }
-    std::sort(numbered.begin(), numbered.end());
+    std::ranges::sort(numbered);
     std::vector<V4l2Node> nodes;
     for (const auto& [number, path] : numbered)
       nodes.push_back({.path = path.string(), .stable_path = stable_path_of(path)});
@@ -183,8 +183,7 @@ class LinuxSystem final : public V4l2System {
     std::string names;
     for (const fs::path& process : entries_of("/proc")) {
       const std::string id = process.filename().string();
-      if (!std::all_of(id.begin(), id.end(), [](unsigned char c) { return std::isdigit(c) != 0; }))
-        continue;
+      if (!std::ranges::all_of(id, [](unsigned char c) { return std::isdigit(c) != 0; })) continue;
       if (id == std::to_string(::getpid()) || !has_open(process, node)) continue;
       names += (names.empty() ? "" : ", ") + name_of(process);
     }

@@ -60,8 +60,8 @@ enum class ControlRights {
 /// steer.
 [[nodiscard]] inline ControlRights rights_of(const ControlPeer& peer, const ControlPolicy& policy) {
   if (peer.uid == policy.owner || peer.uid == 0) return ControlRights::Everything;
-  const bool member = policy.group && std::find(peer.groups.begin(), peer.groups.end(),
-                                                *policy.group) != peer.groups.end();
+  const bool member =
+      policy.group && std::ranges::find(peer.groups, *policy.group) != peer.groups.end();
   return member ? ControlRights::Steer : ControlRights::None;
 }
 
@@ -369,9 +369,8 @@ class ControlServer {
       return std::tuple(is_busy(*client), client->subscribed,
                         client->rights == ControlRights::Everything, client->asked_at);
     };
-    const auto victim =
-        std::min_element(clients_.begin(), clients_.end(),
-                         [&](const auto& a, const auto& b) { return order(a) < order(b); });
+    const auto victim = std::ranges::min_element(
+        clients_, [&](const auto& a, const auto& b) { return order(a) < order(b); });
     if (victim == clients_.end()) return false;
     const bool idle = !is_busy(**victim) && (*victim)->asked_at <= idle_since;
     if (!idle && !always) return false;

@@ -90,9 +90,8 @@ using Cells = std::vector<std::string>;
 
 /// Returns the number of characters of a text in UTF-8.
 size_t width_of(const std::string& text) {
-  return static_cast<size_t>(std::count_if(text.begin(), text.end(), [](char c) {
-    return (static_cast<unsigned char>(c) & 0xc0) != 0x80;
-  }));
+  return static_cast<size_t>(std::ranges::count_if(
+      text, [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
 }
 
 constexpr size_t kFirstNumber = 2, kLastNumber = 9;  // these columns are aligned to the right

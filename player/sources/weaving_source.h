@@ -177,15 +177,14 @@ class WeavingSource final : public frames::FrameSource {
   [[nodiscard]] uint64_t ready_count() const override {
     const std::lock_guard lock(mutex_);
     if (still_) return next_pull_ < round_ends_.front() ? 1 : 0;
-    return static_cast<uint64_t>(std::count_if(slots_.begin(), slots_.end(), [](const Slot& slot) {
-      return slot.state == SlotState::Ready;
-    }));
+    return static_cast<uint64_t>(std::ranges::count_if(
+        slots_, [](const Slot& slot) { return slot.state == SlotState::Ready; }));
   }
   [[nodiscard]] bool saturated() const override {
     if (still_ || options_.live) return true;
     const std::lock_guard lock(mutex_);
     if (!failure_.empty() || nothing_to_do_) return true;
-    return std::none_of(slots_.begin(), slots_.end(), [](const Slot& slot) {
+    return std::ranges::none_of(slots_, [](const Slot& slot) {
       return slot.state == SlotState::Free || slot.state == SlotState::Weaving;
     });
   }

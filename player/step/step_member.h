@@ -307,9 +307,8 @@ class StepLeader final : public StepMember {
     return sealed(place, now);
   }
   [[nodiscard]] size_t peers(const StepNow& now) const override {
-    return static_cast<size_t>(
-        std::count_if(followers_.begin(), followers_.end(),
-                      [&](const auto& entry) { return entry.second.alive(now); }));
+    return static_cast<size_t>(std::ranges::count_if(
+        followers_, [&](const auto& entry) { return entry.second.alive(now); }));
   }
   [[nodiscard]] bool alive(uint64_t session, const StepNow& now) const override {
     const auto found = followers_.find(session);

@@ -345,8 +345,7 @@ std::vector<uint32_t> welded(const TriangleMesh& mesh, const Uvs& uvs) {
   };
   std::vector<uint32_t> order(mesh.positions.size());
   std::iota(order.begin(), order.end(), 0U);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](uint32_t a, uint32_t b) { return key(a) < key(b); });
+  std::ranges::stable_sort(order, [&](uint32_t a, uint32_t b) { return key(a) < key(b); });
   std::vector<uint32_t> first(order.size());
   for (size_t i = 0; i < order.size(); ++i)
     first[order[i]] = i > 0 && key(order[i - 1]) == key(order[i]) ? first[order[i - 1]] : order[i];

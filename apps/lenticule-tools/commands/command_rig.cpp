@@ -351,9 +351,8 @@ std::vector<std::string> warnings_about(const OpticalModel& model, const optics:
   warn(sheet.refraction_shape < 0.3, "sheet.refraction_shape: a refractive index above 1.8");
   warn(sheet.spot_sigma.value > 0.25,
        "sheet.spot_sigma_lenses: so large that neighbouring views overlap");
-  const auto largest =
-      std::max_element(sheet.residual.lenses.begin(), sheet.residual.lenses.end(),
-                       [](double a, double b) { return std::abs(a) < std::abs(b); });
+  const auto largest = std::ranges::max_element(
+      sheet.residual.lenses, [](double a, double b) { return std::abs(a) < std::abs(b); });
   warn(largest != sheet.residual.lenses.end() && std::abs(*largest) > 1.0,
        "sheet.residual: corrections of more than a whole lens");
   // A sheet of acrylic expands by 7e-5 per kelvin relative to the panel's glass.

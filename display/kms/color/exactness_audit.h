@@ -201,8 +201,7 @@ inline std::string line_after(std::string_view text, std::string_view before) {
   if (at == std::string_view::npos) return {};
   std::string_view line = text.substr(at + before.size());
   const auto ends_line = [](char character) { return character == '\n' || character == '\0'; };
-  line = line.substr(
-      0, static_cast<size_t>(std::find_if(line.begin(), line.end(), ends_line) - line.begin()));
+  line = line.substr(0, static_cast<size_t>(std::ranges::find_if(line, ends_line) - line.begin()));
   return std::string(line);
 }
 
@@ -321,8 +320,7 @@ inline bool is_wrong(const AuditRow& row) {
 }
 
 inline void add_remedy(ExactnessReport& report, std::string remedy) {
-  if (!remedy.empty() &&
-      std::find(report.remedies.begin(), report.remedies.end(), remedy) == report.remedies.end())
+  if (!remedy.empty() && std::ranges::find(report.remedies, remedy) == report.remedies.end())
     report.remedies.push_back(std::move(remedy));
 }
 
@@ -362,7 +360,7 @@ inline void evaluate_row(ExactnessReport& report, const AuditRow& row) {
 
 template <typename Test>
 bool any_row(const ExactnessReport& report, const Test& test) {
-  return std::any_of(report.rows.begin(), report.rows.end(), test);
+  return std::ranges::any_of(report.rows, test);
 }
 
 inline void evaluate_driver(ExactnessReport& report, const std::string& driver, const Pipe& pipe) {
@@ -518,7 +516,7 @@ inline void evaluate_link(ExactnessReport& report, const Pipe& pipe) {
   evaluate_depth(report, pipe);
   const PixelSize size{pipe.mode.hdisplay, pipe.mode.vdisplay};
   const std::vector<PixelSize> native = pipe.connector.edid.native_sizes();
-  if (!native.empty() && std::find(native.begin(), native.end(), size) == native.end())
+  if (!native.empty() && std::ranges::find(native, size) == native.end())
     add_unseen(report, "the EDID states another native size: a bridge or an adapter may scale",
                "connect the panel without an adapter, or load an EDID with the size that is sent "
                "(drm.edid_firmware=)");
@@ -530,9 +528,9 @@ inline void evaluate_link(ExactnessReport& report, const Pipe& pipe) {
   const auto held = [](const AuditRow& row) {
     return row.outcome == AuditOutcome::Neutral || row.outcome == AuditOutcome::Forced;
   };
-  return std::any_of(after.rows.begin(), after.rows.end(), [&](const AuditRow& row) {
+  return std::ranges::any_of(after.rows, [&](const AuditRow& row) {
     if (row.outcome != AuditOutcome::Refused) return false;
-    return std::any_of(before.rows.begin(), before.rows.end(), [&](const AuditRow& old) {
+    return std::ranges::any_of(before.rows, [&](const AuditRow& old) {
       return old.object == row.object && old.property == row.property && held(old);
     });
   });

@@ -79,11 +79,9 @@ inline bool same_mode(const drmModeModeInfo& mode, const TelevisionMode& listed)
 /// Returns true if the mode has the size, rate and pixel clock of one of these, or 1000/1001 of
 /// them.
 [[nodiscard]] inline bool is_one_of(const drmModeModeInfo& mode, std::span<const uint8_t> vics) {
-  return std::any_of(std::begin(kTelevisionModes), std::end(kTelevisionModes),
-                     [&](const TelevisionMode& listed) {
-                       return std::find(vics.begin(), vics.end(), listed.vic) != vics.end() &&
-                              same_mode(mode, listed);
-                     });
+  return std::ranges::any_of(kTelevisionModes, [&](const TelevisionMode& listed) {
+    return std::ranges::find(vics, listed.vic) != vics.end() && same_mode(mode, listed);
+  });
 }
 
 enum class Probe {
@@ -166,7 +164,7 @@ inline std::string name_of(const drmModeConnector& connector) {
 /// Returns the first preferred mode, else the first mode; null if there is none.
 [[nodiscard]] inline const drmModeModeInfo* preferred_mode(
     const std::vector<drmModeModeInfo>& modes) {
-  const auto found = std::find_if(modes.begin(), modes.end(), is_preferred);
+  const auto found = std::ranges::find_if(modes, is_preferred);
   if (found != modes.end()) return &*found;
   return modes.empty() ? nullptr : &modes.front();
 }

@@ -92,8 +92,7 @@ inline std::string driver_of(int fd) {
       nodes.push_back({.path = devices[static_cast<size_t>(i)]->nodes[DRM_NODE_PRIMARY],
                        .bus = bus_of(*devices[static_cast<size_t>(i)])});
   if (count > 0) drmFreeDevices(devices.data(), count);
-  std::sort(nodes.begin(), nodes.end(),
-            [](const DrmNode& a, const DrmNode& b) { return a.path < b.path; });
+  std::ranges::sort(nodes, [](const DrmNode& a, const DrmNode& b) { return a.path < b.path; });
   return nodes;
 }
 

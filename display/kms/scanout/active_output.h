@@ -208,9 +208,8 @@ inline std::vector<ConnectorInfo> connectors_of_panel(int fd, const KmsOptions& 
 inline KmsBuffer* displayed_buffer(int fd, const TakeoverState& state, const ScanoutPool& buffers) {
   const DrmPlane plane(drmModeGetPlane(fd, state.plane));
   if (!plane || plane->crtc_id != state.crtc) return nullptr;
-  const auto found = std::find_if(buffers.begin(), buffers.end(), [&](const auto& buffer) {
-    return buffer->framebuffer() == plane->fb_id;
-  });
+  const auto found = std::ranges::find_if(
+      buffers, [&](const auto& buffer) { return buffer->framebuffer() == plane->fb_id; });
   return found == buffers.end() ? nullptr : found->get();
 }
 
