@@ -44,6 +44,11 @@ void expand_frame(const ScanoutLoops& loops, const frames::FrameView& frame,
                           std::min(kTurnedTile, width - i), std::min(kTurnedTile, height - j));
 }
 
+bool fits(const frames::FrameView& frame, const optics::Mounting& mounting,
+          const frames::FrameGeometry& sent) noexcept {
+  return turned(frame.geometry, mounting) == sent && frame.bytes.size() >= sent.frame_bytes();
+}
+
 }  // namespace
 
 void expand_row(ScanoutDepth depth, const uint8_t* rgb, uint32_t* words, size_t pixels) noexcept {
@@ -80,15 +85,6 @@ frames::FrameGeometry turned(frames::FrameGeometry geometry, const optics::Mount
   geometry.height = size.height;
   return geometry;
 }
-
-namespace {
-
-bool fits(const frames::FrameView& frame, const optics::Mounting& mounting,
-          const frames::FrameGeometry& sent) noexcept {
-  return turned(frame.geometry, mounting) == sent && frame.bytes.size() >= sent.frame_bytes();
-}
-
-}  // namespace
 
 bool ScanoutLayout::takes(const frames::FrameView& frame) const noexcept {
   if (frame.parts.empty()) return fits(frame, mounting, geometry);

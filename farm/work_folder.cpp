@@ -83,33 +83,6 @@ void read_value(const JsonFields& fields, const char* key, std::vector<uint64_t>
   }
 }
 
-}  // namespace
-
-template <class Record>
-Record parse_record(std::string_view text, const std::string& source) {
-  const json object = parse_json(text, source);
-  const JsonFields fields(object, source);
-  Record record;
-  each_field(record, [&](const char* key, auto& value) { read_value(fields, key, value); });
-  return record;
-}
-
-template <class Record>
-std::string record_to_json(const Record& record) {
-  json object;
-  each_field(record, [&](const char* key, const auto& value) { object[key] = json_of(value); });
-  return json_text(object) + "\n";
-}
-
-template std::string record_to_json(const ChunkReport&);
-template std::string record_to_json(const ChunkProgress&);
-template std::string record_to_json(const ChunkFailure&);
-template ChunkReport parse_record(std::string_view, const std::string&);
-template ChunkProgress parse_record(std::string_view, const std::string&);
-template ChunkFailure parse_record(std::string_view, const std::string&);
-
-namespace {
-
 constexpr std::chrono::milliseconds kLook{500};
 
 void pause_of(const MergeOptions& options) {
@@ -151,69 +124,6 @@ void refuse_differing(const WorkFolder& folder, const ChunkReport& report) {
                           "reports of the chunk, {} among them, and render it again",
                           folder.report_file(report.chunk).string()));
 }
-
-}  // namespace
-
-std::vector<uint64_t> missing_chunks(const WorkFolder& folder) {
-  std::vector<uint64_t> missing;
-  for (uint64_t chunk = 0; chunk < folder.plan().chunks(); ++chunk)
-    if (!folder.done(chunk)) missing.push_back(chunk);
-  return missing;
-}
-
-MergeResult merge_film(const WorkFolder& folder, const std::filesystem::path& film,
-                       const MergeOptions& options) {
-  const std::vector<uint64_t> missing = await_chunks(folder, options);
-  MergeResult result;
-  result.chunks = missing.empty() ? folder.plan().chunks() : missing.front();
-  if (!missing.empty() && (!options.partial || result.chunks == 0)) refuse_missing(folder, missing);
-  SequenceJoiner joiner(film, folder.plan().film);
-  for (uint64_t chunk = 0; chunk < result.chunks; ++chunk) {
-    if (options.stops(chunk)) return {.stopped = true};
-    const auto report = folder.done(chunk);
-    if (!report) refuse_missing(folder, {chunk});
-    refuse_differing(folder, *report);
-    const std::filesystem::path file = folder.chunk_file(*report);
-    try {
-      joiner.append({.file = file,
-                     .digest = report->digest,
-                     .first_bands = report->first_bands,
-                     .last_bands = report->last_bands});
-    } catch (const Error& error) {
-      if (error.kind() != ErrorKind::Input) throw;
-      folder.forget(chunk);
-      throw input_error("chunk {}: {}", chunk, error.what())
-          .remedy(
-              fmt::format("the chunk counts as missing now: run lenticule farm render {} {}, or "
-                          "call farm submit again",
-                          folder.path().string(), chunk));
-    }
-    const uint64_t frames = folder.plan().chunk(chunk).end - folder.plan().begin;
-    if (joiner.frame_count() != frames)
-      throw input_error("{}: has {} frames too few or too many", file.string(),
-                        frames > joiner.frame_count() ? frames - joiner.frame_count()
-                                                      : joiner.frame_count() - frames);
-  }
-  joiner.finish();
-  result.frames = joiner.frame_count();
-  result.bytes = joiner.bytes_written();
-  return result;
-}
-
-std::string ranges_text(const std::vector<uint64_t>& numbers) {
-  std::string text;
-  for (size_t at = 0; at < numbers.size();) {
-    size_t last = at;
-    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
-    text += text.empty() ? "" : ",";
-    text += last == at ? fmt::format("{}", numbers[at])
-                       : fmt::format("{}-{}", numbers[at], numbers[last]);
-    at = last + 1;
-  }
-  return text;
-}
-
-namespace {
 
 // A listing that is late only delays what is shown.
 
@@ -365,6 +275,88 @@ std::string nodes_text(const FarmStatus& status) {
 }
 
 }  // namespace
+
+template <class Record>
+Record parse_record(std::string_view text, const std::string& source) {
+  const json object = parse_json(text, source);
+  const JsonFields fields(object, source);
+  Record record;
+  each_field(record, [&](const char* key, auto& value) { read_value(fields, key, value); });
+  return record;
+}
+
+template <class Record>
+std::string record_to_json(const Record& record) {
+  json object;
+  each_field(record, [&](const char* key, const auto& value) { object[key] = json_of(value); });
+  return json_text(object) + "\n";
+}
+
+template std::string record_to_json(const ChunkReport&);
+template std::string record_to_json(const ChunkProgress&);
+template std::string record_to_json(const ChunkFailure&);
+template ChunkReport parse_record(std::string_view, const std::string&);
+template ChunkProgress parse_record(std::string_view, const std::string&);
+template ChunkFailure parse_record(std::string_view, const std::string&);
+
+std::vector<uint64_t> missing_chunks(const WorkFolder& folder) {
+  std::vector<uint64_t> missing;
+  for (uint64_t chunk = 0; chunk < folder.plan().chunks(); ++chunk)
+    if (!folder.done(chunk)) missing.push_back(chunk);
+  return missing;
+}
+
+MergeResult merge_film(const WorkFolder& folder, const std::filesystem::path& film,
+                       const MergeOptions& options) {
+  const std::vector<uint64_t> missing = await_chunks(folder, options);
+  MergeResult result;
+  result.chunks = missing.empty() ? folder.plan().chunks() : missing.front();
+  if (!missing.empty() && (!options.partial || result.chunks == 0)) refuse_missing(folder, missing);
+  SequenceJoiner joiner(film, folder.plan().film);
+  for (uint64_t chunk = 0; chunk < result.chunks; ++chunk) {
+    if (options.stops(chunk)) return {.stopped = true};
+    const auto report = folder.done(chunk);
+    if (!report) refuse_missing(folder, {chunk});
+    refuse_differing(folder, *report);
+    const std::filesystem::path file = folder.chunk_file(*report);
+    try {
+      joiner.append({.file = file,
+                     .digest = report->digest,
+                     .first_bands = report->first_bands,
+                     .last_bands = report->last_bands});
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::Input) throw;
+      folder.forget(chunk);
+      throw input_error("chunk {}: {}", chunk, error.what())
+          .remedy(
+              fmt::format("the chunk counts as missing now: run lenticule farm render {} {}, or "
+                          "call farm submit again",
+                          folder.path().string(), chunk));
+    }
+    const uint64_t frames = folder.plan().chunk(chunk).end - folder.plan().begin;
+    if (joiner.frame_count() != frames)
+      throw input_error("{}: has {} frames too few or too many", file.string(),
+                        frames > joiner.frame_count() ? frames - joiner.frame_count()
+                                                      : joiner.frame_count() - frames);
+  }
+  joiner.finish();
+  result.frames = joiner.frame_count();
+  result.bytes = joiner.bytes_written();
+  return result;
+}
+
+std::string ranges_text(const std::vector<uint64_t>& numbers) {
+  std::string text;
+  for (size_t at = 0; at < numbers.size();) {
+    size_t last = at;
+    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
+    text += text.empty() ? "" : ",";
+    text += last == at ? fmt::format("{}", numbers[at])
+                       : fmt::format("{}-{}", numbers[at], numbers[last]);
+    at = last + 1;
+  }
+  return text;
+}
 
 double folder_time(const fs::path& folder) {
   try {

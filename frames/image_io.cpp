@@ -202,6 +202,34 @@ void read_into(const std::filesystem::path& file, WovenFrame& frame, PictureUse 
   sink.finish();
 }
 
+constexpr int kMaxDigits = 18;
+
+[[noreturn]] void reject(const std::string& pattern, const char* cause) {
+  throw usage_error("pattern '{}': {}", pattern, cause)
+      .remedy("write one %d or %05d in the file's name, for example out/%05d.png");
+}
+
+bool is_digit(char c) {
+  return c >= '0' && c <= '9';
+}
+
+/// Conversion holds the length of "%d" or "%0Nd" at the start of `text` and its N (0 if absent).
+struct Conversion {
+  size_t length = 0;
+  int digits = 0;
+};
+std::optional<Conversion> parse_conversion(std::string_view text) {
+  size_t end = 1;
+  if (end < text.size() && text[end] == '0') ++end;
+  const size_t digits_begin = end;
+  while (end < text.size() && is_digit(text[end])) ++end;
+  if (end >= text.size() || text[end] != 'd' || end - digits_begin > 2) return std::nullopt;
+  // A pattern without the zero would pad with blanks; "%0d" has no padding.
+  if (end > digits_begin && text[1] != '0') return std::nullopt;
+  const auto digits = number_from<int>(text.substr(digits_begin, end - digits_begin));
+  return Conversion{end + 1, digits.value_or(0)};
+}
+
 }  // namespace
 
 TextureImage PictureFileReader::texture(const EncodedPicture& picture, PictureValues values,
@@ -321,38 +349,6 @@ void write_woven(const FrameView& frame, const std::filesystem::path& file) {
 }
 
 // --- numbered file names: "dir/%05d.png"
-
-namespace {
-
-constexpr int kMaxDigits = 18;
-
-[[noreturn]] void reject(const std::string& pattern, const char* cause) {
-  throw usage_error("pattern '{}': {}", pattern, cause)
-      .remedy("write one %d or %05d in the file's name, for example out/%05d.png");
-}
-
-bool is_digit(char c) {
-  return c >= '0' && c <= '9';
-}
-
-/// Conversion holds the length of "%d" or "%0Nd" at the start of `text` and its N (0 if absent).
-struct Conversion {
-  size_t length = 0;
-  int digits = 0;
-};
-std::optional<Conversion> parse_conversion(std::string_view text) {
-  size_t end = 1;
-  if (end < text.size() && text[end] == '0') ++end;
-  const size_t digits_begin = end;
-  while (end < text.size() && is_digit(text[end])) ++end;
-  if (end >= text.size() || text[end] != 'd' || end - digits_begin > 2) return std::nullopt;
-  // A pattern without the zero would pad with blanks; "%0d" has no padding.
-  if (end > digits_begin && text[1] != '0') return std::nullopt;
-  const auto digits = number_from<int>(text.substr(digits_begin, end - digits_begin));
-  return Conversion{end + 1, digits.value_or(0)};
-}
-
-}  // namespace
 
 FilePattern::FilePattern(std::string pattern) : pattern_(std::move(pattern)) {
   const size_t percent = pattern_.find('%');

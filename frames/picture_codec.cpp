@@ -213,15 +213,6 @@ class PngCodec final : public PictureCodec {
   }
 };
 
-}  // namespace
-
-const PictureCodec& png_codec() {
-  static const PngCodec codec;
-  return codec;
-}
-
-namespace {
-
 /// A name without a folder is searched along this program's run path and the system's library
 /// folders, like any library that the program is linked with.
 constexpr const char* kModule = LENTICULE_PICTURES_MODULE;
@@ -249,6 +240,11 @@ const PictureCodec& load() {
 }
 
 }  // namespace
+
+const PictureCodec& png_codec() {
+  static const PngCodec codec;
+  return codec;
+}
 
 const PictureCodec& picture_codec(ImageFormat format) {
   if (format == ImageFormat::Png) return png_codec();

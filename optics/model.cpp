@@ -67,36 +67,6 @@ Place locate(double grid, int count) {
   return {static_cast<int>(cell), grid - cell};
 }
 
-}  // namespace
-
-ResidualSpline::ResidualSpline(const ResidualMap& map, int width_px, int height_px) {
-  if (map.empty()) return;
-  columns_ = map.columns;
-  rows_ = map.rows;
-  knots_per_px_x_ = (columns_ - 1.0) / width_px;
-  knots_per_px_y_ = (rows_ - 1.0) / height_px;
-  coefficients_.reserve(static_cast<size_t>((columns_ + 1) * (rows_ + 1)) * 16);
-  for (int row = -1; row < rows_; ++row)
-    for (int column = -1; column < columns_; ++column) append_cell(map, column, row, coefficients_);
-}
-
-ResidualSpline::Value ResidualSpline::at(double x_px, double y_px) const {
-  if (empty()) return {};
-  const Place x = locate(x_px * knots_per_px_x_, columns_);
-  const Place y = locate(y_px * knots_per_px_y_, rows_);
-  const double* cell =
-      &coefficients_[static_cast<size_t>((y.cell + 1) * (columns_ + 1) + x.cell + 1) * 16];
-  const auto power = [&](int q) {
-    const double u = y.inside;
-    return ((cell[12 + q] * u + cell[8 + q]) * u + cell[4 + q]) * u + cell[q];
-  };
-  const double c0 = power(0), c1 = power(1), c2 = power(2), c3 = power(3), t = x.inside;
-  return {.lenses = ((c3 * t + c2) * t + c1) * t + c0,
-          .per_px_x = ((3.0 * c3 * t + 2.0 * c2) * t + c1) * knots_per_px_x_};
-}
-
-namespace {
-
 // Newton's method at least squares the error per step, so a valid rig never needs all these steps.
 constexpr int kMaxNewtonSteps = 60;
 constexpr double kConverged = 1e-15;
@@ -183,6 +153,32 @@ ServedEye find_served_eye(const Search& q, double s, const auto& residual) {
 }
 
 }  // namespace
+
+ResidualSpline::ResidualSpline(const ResidualMap& map, int width_px, int height_px) {
+  if (map.empty()) return;
+  columns_ = map.columns;
+  rows_ = map.rows;
+  knots_per_px_x_ = (columns_ - 1.0) / width_px;
+  knots_per_px_y_ = (rows_ - 1.0) / height_px;
+  coefficients_.reserve(static_cast<size_t>((columns_ + 1) * (rows_ + 1)) * 16);
+  for (int row = -1; row < rows_; ++row)
+    for (int column = -1; column < columns_; ++column) append_cell(map, column, row, coefficients_);
+}
+
+ResidualSpline::Value ResidualSpline::at(double x_px, double y_px) const {
+  if (empty()) return {};
+  const Place x = locate(x_px * knots_per_px_x_, columns_);
+  const Place y = locate(y_px * knots_per_px_y_, rows_);
+  const double* cell =
+      &coefficients_[static_cast<size_t>((y.cell + 1) * (columns_ + 1) + x.cell + 1) * 16];
+  const auto power = [&](int q) {
+    const double u = y.inside;
+    return ((cell[12 + q] * u + cell[8 + q]) * u + cell[4 + q]) * u + cell[q];
+  };
+  const double c0 = power(0), c1 = power(1), c2 = power(2), c3 = power(3), t = x.inside;
+  return {.lenses = ((c3 * t + c2) * t + c1) * t + c0,
+          .per_px_x = ((3.0 * c3 * t + 2.0 * c2) * t + c1) * knots_per_px_x_};
+}
 
 struct OpticalModel::Prepared {
   explicit Prepared(const Rig& source)

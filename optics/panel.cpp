@@ -27,6 +27,22 @@ constexpr std::array<NamedMounting, 8> kMountings{{
     {"mirrored 270", {.swapped = true}},
 }};
 
+constexpr int kMaxCellsPerSide = 64;
+constexpr double kMaxOffsetPixels = 2.0;
+
+PixelCell stripes_across(double red, double green, double blue) {
+  return {{{red, 0.5}, {green, 0.5}, {blue, 0.5}}};
+}
+
+PixelCell stripes_down(double red, double green, double blue) {
+  return {{{0.5, red}, {0.5, green}, {0.5, blue}}};
+}
+
+bool is_sane(const SubpixelOffset& offset) {
+  // The comparisons are written so that a NaN fails.
+  return std::abs(offset.x_px) <= kMaxOffsetPixels && std::abs(offset.y_px) <= kMaxOffsetPixels;
+}
+
 }  // namespace
 
 PixelPlace Mounting::seen_place(PixelPlace sent, PixelGrid seen) const {
@@ -64,26 +80,6 @@ std::string mounting_name(const Mounting& mounting) {
   LENTICULE_CHECK(found != kMountings.end());
   return found->name;
 }
-
-namespace {
-
-constexpr int kMaxCellsPerSide = 64;
-constexpr double kMaxOffsetPixels = 2.0;
-
-PixelCell stripes_across(double red, double green, double blue) {
-  return {{{red, 0.5}, {green, 0.5}, {blue, 0.5}}};
-}
-
-PixelCell stripes_down(double red, double green, double blue) {
-  return {{{0.5, red}, {0.5, green}, {0.5, blue}}};
-}
-
-bool is_sane(const SubpixelOffset& offset) {
-  // The comparisons are written so that a NaN fails.
-  return std::abs(offset.x_px) <= kMaxOffsetPixels && std::abs(offset.y_px) <= kMaxOffsetPixels;
-}
-
-}  // namespace
 
 SubpixelLayout::SubpixelLayout() : SubpixelLayout(named("rgb")) {}
 

@@ -244,36 +244,6 @@ void add_sheet(Hash& hash, const LensSheet& sheet) {
   hash.add(sheet.spot_sigma.value);
 }
 
-}  // namespace
-
-std::optional<RigProblem> find_problem(const Rig& rig) {
-  // One after the other: the later ones compute with what the earlier ones check.
-  if (Problem p = panel_problem(rig.panel)) return p;
-  if (Problem p = sheet_problem(rig.sheet, rig.panel)) return p;
-  if (Problem p = viewing_problem(rig.viewing, rig.sheet)) return p;
-  if (Problem p = geometry_problem(rig)) return p;
-  return texts_problem(rig);
-}
-
-void validate_rig(const Rig& rig, const std::string& context) {
-  if (const Problem p = find_problem(rig))
-    throw input_error("{}: {}: {}", context, p->key, p->cause).remedy(p->remedy);
-}
-
-std::string fingerprint(const Rig& rig) {
-  Hash hash;
-  add_panel(hash, rig.panel);
-  add_sheet(hash, rig.sheet);
-  hash.add(rig.viewing.height.value);
-  hash.add(rig.viewing.distance.value);
-  // Rigs whose viewer stands in front of the centre keep the fingerprint that they had before the
-  // key existed.
-  if (rig.viewing.centre.value != 0.0) hash.add(rig.viewing.centre.value);
-  return fmt::format("{:016x}", hash.value());
-}
-
-namespace {
-
 /// Returns a stripe layout if the offsets are those of stripes except for rounding.
 SubpixelLayout with_usual_name(SubpixelLayout layout) {
   constexpr double kRounding = 1e-12;
@@ -332,6 +302,32 @@ LensSheet turned_sheet(const LensSheet& sheet, const Mounting& mounting) {
 }
 
 }  // namespace
+
+std::optional<RigProblem> find_problem(const Rig& rig) {
+  // One after the other: the later ones compute with what the earlier ones check.
+  if (Problem p = panel_problem(rig.panel)) return p;
+  if (Problem p = sheet_problem(rig.sheet, rig.panel)) return p;
+  if (Problem p = viewing_problem(rig.viewing, rig.sheet)) return p;
+  if (Problem p = geometry_problem(rig)) return p;
+  return texts_problem(rig);
+}
+
+void validate_rig(const Rig& rig, const std::string& context) {
+  if (const Problem p = find_problem(rig))
+    throw input_error("{}: {}: {}", context, p->key, p->cause).remedy(p->remedy);
+}
+
+std::string fingerprint(const Rig& rig) {
+  Hash hash;
+  add_panel(hash, rig.panel);
+  add_sheet(hash, rig.sheet);
+  hash.add(rig.viewing.height.value);
+  hash.add(rig.viewing.distance.value);
+  // Rigs whose viewer stands in front of the centre keep the fingerprint that they had before the
+  // key existed.
+  if (rig.viewing.centre.value != 0.0) hash.add(rig.viewing.centre.value);
+  return fmt::format("{:016x}", hash.value());
+}
 
 SubpixelLayout turned_layout(const SubpixelLayout& layout, const Mounting& mounting,
                              PixelGrid sent) {

@@ -179,25 +179,6 @@ unsigned line_of(const toml::table& root, std::string_view key) {
   return 1;
 }
 
-}  // namespace
-
-Rig parse_rig(std::string_view text, const std::string& source) {
-  const toml::table root = parse_toml(text, source);
-  const Rig rig = read_rig(TomlSection(root, {}, source));
-  if (const auto problem = find_problem(rig)) {
-    throw input_error("{}:{}: {}: {}", source, line_of(root, problem->key), problem->key,
-                      problem->cause)
-        .remedy(problem->remedy);
-  }
-  return rig;
-}
-
-Rig load_rig(const std::filesystem::path& file) {
-  return parse_rig(read_text_file(file, kMaxFileBytes), file.string());
-}
-
-namespace {
-
 std::string key_text(const std::string& key) {
   const bool bare = !key.empty() && std::all_of(key.begin(), key.end(), [](unsigned char c) {
     return std::isalnum(c) || c == '_' || c == '-';
@@ -260,38 +241,6 @@ void add_identity(const PanelIdentity& identity, std::string& out) {
   add("edid_sha256", identity.edid_sha256);
 }
 
-}  // namespace
-
-std::string rig_to_toml(const Rig& rig) {
-  std::string out = "# A rig: one panel, its lens sheet, its viewing line.\nformat = 1\n";
-  if (!rig.name.empty()) out += fmt::format("name = {}\n", toml_string(rig.name));
-  const Panel& panel = rig.panel;
-  out += fmt::format(
-      "\n[panel]\nwidth_px = {}\nheight_px = {}\npixel_width_mm = {}\npixel_height_mm = {}\n",
-      panel.width_px, panel.height_px, toml_number(panel.pixel_width.value),
-      toml_number(panel.pixel_height.value));
-  if (!panel.mounting.upright())
-    out += fmt::format("mounting = {}\n", toml_string(mounting_name(panel.mounting)));
-  if (panel.bits != kUsualBits) out += fmt::format("bits = {}\n", panel.bits);
-  add_layout(panel.layout, out);
-  add_sheet(rig.sheet, out);
-  out +=
-      fmt::format("\n[viewing]\ndistance_mm = {}\nheight_mm = {}\n",
-                  toml_number(rig.viewing.distance.value), toml_number(rig.viewing.height.value));
-  if (rig.viewing.centre.value != 0.0)
-    out += fmt::format("centre_mm = {}\n", toml_number(rig.viewing.centre.value));
-  add_identity(rig.identity, out);
-  if (!rig.provenance.empty()) out += "\n[provenance]\n";
-  for (const auto& [key, text] : rig.provenance)
-    out += fmt::format("{} = {}\n", key_text(key), toml_string(text));
-  return out;
-}
-
-void save_rig(const Rig& rig, const std::filesystem::path& file) {
-  write_text_file(file, rig_to_toml(rig));
-}
-
-namespace {
 namespace fs = std::filesystem;
 
 /// CopyName holds "rig" and ".toml" of "rig.toml".
@@ -373,27 +322,6 @@ fs::path copy_beside(const fs::path& file) {
       .remedy("move its old copies to another folder");
 }
 
-}  // namespace
-
-fs::path save_with_history(const Rig& rig, const fs::path& file) {
-  validate_rig(rig, file.string());
-  std::error_code error;
-  const auto status = std::filesystem::status(file, error);
-  if (!std::filesystem::status_known(status))
-    throw failed_error("{}: {}", file.string(), error.message());
-  if (!std::filesystem::exists(status)) {
-    save_rig(rig, file);
-    return {};
-  }
-  const fs::path copy = copy_beside(file);
-  RemovedAtEnd removed(copy);  // removes the copy if the file was not replaced
-  save_rig(rig, file);
-  removed.keep();
-  return copy;
-}
-
-namespace {
-
 std::string text_or_nothing(const fs::path& file) {
   std::error_code error;
   return fs::exists(file, error) ? read_text_file(file, kMaxFileBytes) : std::string();
@@ -413,6 +341,67 @@ std::optional<TrimmedRig> valid(const fs::path& rig) {
 }
 
 }  // namespace
+
+Rig parse_rig(std::string_view text, const std::string& source) {
+  const toml::table root = parse_toml(text, source);
+  const Rig rig = read_rig(TomlSection(root, {}, source));
+  if (const auto problem = find_problem(rig)) {
+    throw input_error("{}:{}: {}: {}", source, line_of(root, problem->key), problem->key,
+                      problem->cause)
+        .remedy(problem->remedy);
+  }
+  return rig;
+}
+
+Rig load_rig(const std::filesystem::path& file) {
+  return parse_rig(read_text_file(file, kMaxFileBytes), file.string());
+}
+
+std::string rig_to_toml(const Rig& rig) {
+  std::string out = "# A rig: one panel, its lens sheet, its viewing line.\nformat = 1\n";
+  if (!rig.name.empty()) out += fmt::format("name = {}\n", toml_string(rig.name));
+  const Panel& panel = rig.panel;
+  out += fmt::format(
+      "\n[panel]\nwidth_px = {}\nheight_px = {}\npixel_width_mm = {}\npixel_height_mm = {}\n",
+      panel.width_px, panel.height_px, toml_number(panel.pixel_width.value),
+      toml_number(panel.pixel_height.value));
+  if (!panel.mounting.upright())
+    out += fmt::format("mounting = {}\n", toml_string(mounting_name(panel.mounting)));
+  if (panel.bits != kUsualBits) out += fmt::format("bits = {}\n", panel.bits);
+  add_layout(panel.layout, out);
+  add_sheet(rig.sheet, out);
+  out +=
+      fmt::format("\n[viewing]\ndistance_mm = {}\nheight_mm = {}\n",
+                  toml_number(rig.viewing.distance.value), toml_number(rig.viewing.height.value));
+  if (rig.viewing.centre.value != 0.0)
+    out += fmt::format("centre_mm = {}\n", toml_number(rig.viewing.centre.value));
+  add_identity(rig.identity, out);
+  if (!rig.provenance.empty()) out += "\n[provenance]\n";
+  for (const auto& [key, text] : rig.provenance)
+    out += fmt::format("{} = {}\n", key_text(key), toml_string(text));
+  return out;
+}
+
+void save_rig(const Rig& rig, const std::filesystem::path& file) {
+  write_text_file(file, rig_to_toml(rig));
+}
+
+fs::path save_with_history(const Rig& rig, const fs::path& file) {
+  validate_rig(rig, file.string());
+  std::error_code error;
+  const auto status = std::filesystem::status(file, error);
+  if (!std::filesystem::status_known(status))
+    throw failed_error("{}: {}", file.string(), error.message());
+  if (!std::filesystem::exists(status)) {
+    save_rig(rig, file);
+    return {};
+  }
+  const fs::path copy = copy_beside(file);
+  RemovedAtEnd removed(copy);  // removes the copy if the file was not replaced
+  save_rig(rig, file);
+  removed.keep();
+  return copy;
+}
 
 RigStore::RigStore(fs::path given, fs::path copy)
     : given_(std::move(given)), copy_(std::move(copy)), made_from_(copy_) {

@@ -46,47 +46,6 @@ uint64_t rights_of(long version) {
   return rights;
 }
 
-}  // namespace
-
-std::optional<LandlockRules> LandlockRules::create() {
-  const long version =
-      ::syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION);
-  if (version < 1) return std::nullopt;
-  // Kernels accept this first version of the structure, which has rights on files only.
-  const uint64_t handled = rights_of(version);
-  const struct { uint64_t handled_access_fs; } attributes{handled};
-  UniqueFd rules(
-      static_cast<int>(::syscall(SYS_landlock_create_ruleset, &attributes, sizeof attributes, 0)));
-  if (!rules) return std::nullopt;
-  return LandlockRules(std::move(rules), handled);
-}
-
-LandlockRules::LandlockRules(UniqueFd rules, uint64_t handled)
-    : rules_(std::move(rules)), handled_(handled) {}
-
-bool LandlockRules::allow_device(const std::string& node) {
-  return allow(node, LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_WRITE_FILE | kControlDevice);
-}
-
-bool LandlockRules::allow_listing(const std::string& folder) {
-  return allow(folder, LANDLOCK_ACCESS_FS_READ_DIR);
-}
-
-bool LandlockRules::allow(const std::string& path, uint64_t rights) {
-  const UniqueFd target(::open(path.c_str(), O_PATH | O_CLOEXEC));
-  if (!target) return false;
-  landlock_path_beneath_attr rule{};
-  rule.allowed_access = rights & handled_;
-  rule.parent_fd = target.get();
-  return ::syscall(SYS_landlock_add_rule, rules_.get(), LANDLOCK_RULE_PATH_BENEATH, &rule, 0) == 0;
-}
-
-bool LandlockRules::enforce() const {
-  return ::syscall(SYS_landlock_restrict_self, rules_.get(), 0) == 0;
-}
-
-namespace {
-
 /// Calls for open descriptors, memory, threads, time and exit. libseccomp skips those that the
 /// architecture does not have.
 constexpr std::array kAllowed = {
@@ -187,29 +146,6 @@ void allow_video_devices(Rules& rules) {
   rules.allow_if(SCMP_SYS(newfstatat), 3, UINT32_MAX, AT_EMPTY_PATH);
   rules.allow_if(SCMP_SYS(ioctl), 1, kRequestType, kVideoRequest);
 }
-
-}  // namespace
-
-std::vector<sock_filter> decoder_filter(Devices devices, bool makes_files) {
-  Rules rules;
-  for (const int call : kAllowed) rules.add(call, SCMP_ACT_ALLOW);
-  // Code injection needs executable memory.
-  rules.allow_if(SCMP_SYS(mmap), 2, PROT_EXEC, 0);
-  rules.allow_if(SCMP_SYS(mprotect), 2, PROT_EXEC, 0);
-  rules.allow_if(SCMP_SYS(clone), 0, CLONE_THREAD, CLONE_THREAD);
-  // clone3 takes its flags in memory, which a filter cannot read; with ENOSYS the C library falls
-  // back to clone.
-  rules.add(SCMP_SYS(clone3), SCMP_ACT_ERRNO(ENOSYS));
-  rules.allow_if(SCMP_SYS(prctl), 0, UINT32_MAX, PR_SET_NAME);
-  if (devices == Devices::Video) allow_video_devices(rules);
-  if (makes_files) {
-    rules.add(SCMP_SYS(memfd_create), SCMP_ACT_ALLOW);
-    rules.add(SCMP_SYS(socketpair), SCMP_ACT_ALLOW);
-  }
-  return rules.program();
-}
-
-namespace {
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 constexpr bool kSanitized = true;
@@ -328,6 +264,62 @@ unsigned limit_for_devices() {
 }
 
 }  // namespace
+
+std::optional<LandlockRules> LandlockRules::create() {
+  const long version =
+      ::syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION);
+  if (version < 1) return std::nullopt;
+  // Kernels accept this first version of the structure, which has rights on files only.
+  const uint64_t handled = rights_of(version);
+  const struct { uint64_t handled_access_fs; } attributes{handled};
+  UniqueFd rules(
+      static_cast<int>(::syscall(SYS_landlock_create_ruleset, &attributes, sizeof attributes, 0)));
+  if (!rules) return std::nullopt;
+  return LandlockRules(std::move(rules), handled);
+}
+
+LandlockRules::LandlockRules(UniqueFd rules, uint64_t handled)
+    : rules_(std::move(rules)), handled_(handled) {}
+
+bool LandlockRules::allow_device(const std::string& node) {
+  return allow(node, LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_WRITE_FILE | kControlDevice);
+}
+
+bool LandlockRules::allow_listing(const std::string& folder) {
+  return allow(folder, LANDLOCK_ACCESS_FS_READ_DIR);
+}
+
+bool LandlockRules::allow(const std::string& path, uint64_t rights) {
+  const UniqueFd target(::open(path.c_str(), O_PATH | O_CLOEXEC));
+  if (!target) return false;
+  landlock_path_beneath_attr rule{};
+  rule.allowed_access = rights & handled_;
+  rule.parent_fd = target.get();
+  return ::syscall(SYS_landlock_add_rule, rules_.get(), LANDLOCK_RULE_PATH_BENEATH, &rule, 0) == 0;
+}
+
+bool LandlockRules::enforce() const {
+  return ::syscall(SYS_landlock_restrict_self, rules_.get(), 0) == 0;
+}
+
+std::vector<sock_filter> decoder_filter(Devices devices, bool makes_files) {
+  Rules rules;
+  for (const int call : kAllowed) rules.add(call, SCMP_ACT_ALLOW);
+  // Code injection needs executable memory.
+  rules.allow_if(SCMP_SYS(mmap), 2, PROT_EXEC, 0);
+  rules.allow_if(SCMP_SYS(mprotect), 2, PROT_EXEC, 0);
+  rules.allow_if(SCMP_SYS(clone), 0, CLONE_THREAD, CLONE_THREAD);
+  // clone3 takes its flags in memory, which a filter cannot read; with ENOSYS the C library falls
+  // back to clone.
+  rules.add(SCMP_SYS(clone3), SCMP_ACT_ERRNO(ENOSYS));
+  rules.allow_if(SCMP_SYS(prctl), 0, UINT32_MAX, PR_SET_NAME);
+  if (devices == Devices::Video) allow_video_devices(rules);
+  if (makes_files) {
+    rules.add(SCMP_SYS(memfd_create), SCMP_ACT_ALLOW);
+    rules.add(SCMP_SYS(socketpair), SCMP_ACT_ALLOW);
+  }
+  return rules.program();
+}
 
 bool die_with(pid_t parent) noexcept {
   (void)prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0);

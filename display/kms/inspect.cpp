@@ -196,6 +196,24 @@ std::optional<Error> missing_mode(const ConnectorList& list, const OutputChoice&
   return std::nullopt;
 }
 
+/// Returns the group of a card's panel with all places empty.
+TileGroup empty_group(const std::string& card, const Tile& tile) {
+  TileGroup group{.card = card,
+                  .group = tile.group,
+                  .columns = tile.columns,
+                  .rows = tile.rows,
+                  .width = tile.columns * tile.width,
+                  .height = tile.rows * tile.height};
+  for (int place = 0; place < tile.count(); ++place)
+    group.tiles.push_back({.column = place % tile.columns, .row = place / tile.columns});
+  return group;
+}
+
+bool belongs_to(const TileGroup& group, const std::string& card, const Tile& tile) {
+  return group.card == card && group.group == tile.group && group.columns == tile.columns &&
+         group.rows == tile.rows;
+}
+
 }  // namespace
 
 Inspection inspect_cards(const std::shared_ptr<Session>& session) {
@@ -258,28 +276,6 @@ std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session,
   }
   return diagnoses;
 }
-
-namespace {
-
-/// Returns the group of a card's panel with all places empty.
-TileGroup empty_group(const std::string& card, const Tile& tile) {
-  TileGroup group{.card = card,
-                  .group = tile.group,
-                  .columns = tile.columns,
-                  .rows = tile.rows,
-                  .width = tile.columns * tile.width,
-                  .height = tile.rows * tile.height};
-  for (int place = 0; place < tile.count(); ++place)
-    group.tiles.push_back({.column = place % tile.columns, .row = place / tile.columns});
-  return group;
-}
-
-bool belongs_to(const TileGroup& group, const std::string& card, const Tile& tile) {
-  return group.card == card && group.group == tile.group && group.columns == tile.columns &&
-         group.rows == tile.rows;
-}
-
-}  // namespace
 
 bool TileGroup::complete() const {
   return std::ranges::none_of(tiles, [](const PlacedTile& tile) { return tile.connector.empty(); });

@@ -231,65 +231,6 @@ double agree_on_rate(V4l2Device& device, double wanted) {
   return static_cast<double>(interval.denominator) / interval.numerator;
 }
 
-}  // namespace
-
-std::vector<std::string> FormatOffer::size_names() const {
-  std::vector<std::string> names;
-  for (const FrameSize& size : sizes)
-    names.push_back(fmt::format("{}x{}", size.width, size.height));
-  return names;
-}
-
-std::vector<FormatOffer> offered_formats(V4l2Device& device) {
-  std::vector<FormatOffer> offers;
-  for (uint32_t i = 0; i < kMostFormats; ++i) {
-    v4l2_fmtdesc description{};
-    description.index = i;
-    description.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
-    if (v4l2_call(device, VIDIOC_ENUM_FMT, &description) != 0) break;
-    offers.push_back({.fourcc = description.pixelformat,
-                      .sizes = offered_sizes(device, description.pixelformat)});
-  }
-  return offers;
-}
-
-std::string signal_problem(V4l2Device& device) {
-  int number = 0;
-  v4l2_input input{};
-  if (v4l2_call(device, VIDIOC_G_INPUT, &number) != 0) return {};
-  input.index = static_cast<uint32_t>(number);
-  if (v4l2_call(device, VIDIOC_ENUMINPUT, &input) != 0) return {};
-  if ((input.status & V4L2_IN_ST_NO_POWER) != 0) return "no power";
-  if ((input.status & V4L2_IN_ST_NO_SIGNAL) != 0) return "no signal";
-  return (input.status & V4L2_IN_ST_NO_ACCESS) != 0 ? "encrypted, for example by HDCP" : "";
-}
-
-AgreedFormat agree_on_format(V4l2Device& device, V4l2System& system, const std::string& path,
-                             const FormatRequest& request) {
-  const std::optional<Signal> signal = follow_signal(device, system, path);
-  FormatRequest wanted = request;
-  if (signal && request.for_display) wanted.display = signal->size;
-  for (const Candidate& candidate : candidates(device, wanted)) {
-    const std::optional<RawFormat> raw = try_candidate(device, system, path, candidate);
-    if (!raw || (!request.pixel_format.empty() && fourcc_name(raw->fourcc) != request.pixel_format))
-      continue;
-    const FrameSize size = wanted_size(request);
-    if (request.for_display && request.width > 0 &&
-        (raw->width != size.width || raw->height != size.height))
-      throw device_error("{}: has no pictures of {}x{}; the nearest are {}x{}", path, size.width,
-                         size.height, raw->width, raw->height)
-          .remedy("leave the size out, or use one that 'lenticule play SOURCE --preflight' lists");
-    const double rate = agree_on_rate(device, request.frames_per_second);
-    return {.raw = *raw,
-            .frames_per_second = rate > 0.0 || !signal ? rate : signal->frames_per_second};
-  }
-  refuse_offer(device, path, request);
-}
-
-// ---- list of cameras
-
-namespace {
-
 template <size_t N>
 std::string text_of(const uint8_t (&bytes)[N]) {
   const char* const text = reinterpret_cast<const char*>(bytes);
@@ -349,6 +290,61 @@ std::string leaf(const std::string& path) {
 }
 
 }  // namespace
+
+std::vector<std::string> FormatOffer::size_names() const {
+  std::vector<std::string> names;
+  for (const FrameSize& size : sizes)
+    names.push_back(fmt::format("{}x{}", size.width, size.height));
+  return names;
+}
+
+std::vector<FormatOffer> offered_formats(V4l2Device& device) {
+  std::vector<FormatOffer> offers;
+  for (uint32_t i = 0; i < kMostFormats; ++i) {
+    v4l2_fmtdesc description{};
+    description.index = i;
+    description.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+    if (v4l2_call(device, VIDIOC_ENUM_FMT, &description) != 0) break;
+    offers.push_back({.fourcc = description.pixelformat,
+                      .sizes = offered_sizes(device, description.pixelformat)});
+  }
+  return offers;
+}
+
+std::string signal_problem(V4l2Device& device) {
+  int number = 0;
+  v4l2_input input{};
+  if (v4l2_call(device, VIDIOC_G_INPUT, &number) != 0) return {};
+  input.index = static_cast<uint32_t>(number);
+  if (v4l2_call(device, VIDIOC_ENUMINPUT, &input) != 0) return {};
+  if ((input.status & V4L2_IN_ST_NO_POWER) != 0) return "no power";
+  if ((input.status & V4L2_IN_ST_NO_SIGNAL) != 0) return "no signal";
+  return (input.status & V4L2_IN_ST_NO_ACCESS) != 0 ? "encrypted, for example by HDCP" : "";
+}
+
+AgreedFormat agree_on_format(V4l2Device& device, V4l2System& system, const std::string& path,
+                             const FormatRequest& request) {
+  const std::optional<Signal> signal = follow_signal(device, system, path);
+  FormatRequest wanted = request;
+  if (signal && request.for_display) wanted.display = signal->size;
+  for (const Candidate& candidate : candidates(device, wanted)) {
+    const std::optional<RawFormat> raw = try_candidate(device, system, path, candidate);
+    if (!raw || (!request.pixel_format.empty() && fourcc_name(raw->fourcc) != request.pixel_format))
+      continue;
+    const FrameSize size = wanted_size(request);
+    if (request.for_display && request.width > 0 &&
+        (raw->width != size.width || raw->height != size.height))
+      throw device_error("{}: has no pictures of {}x{}; the nearest are {}x{}", path, size.width,
+                         size.height, raw->width, raw->height)
+          .remedy("leave the size out, or use one that 'lenticule play SOURCE --preflight' lists");
+    const double rate = agree_on_rate(device, request.frames_per_second);
+    return {.raw = *raw,
+            .frames_per_second = rate > 0.0 || !signal ? rate : signal->frames_per_second};
+  }
+  refuse_offer(device, path, request);
+}
+
+// ---- list of cameras
 
 V4l2Node find_camera(V4l2System& system, const std::string& wanted) {
   if (wanted.empty()) return only_camera(system);

@@ -102,6 +102,29 @@ int numbered_views(const optics::Rig& rig) {
   return std::clamp(possible - (possible % 2 == 0 ? 1 : 0), 3, 99);
 }
 
+/// Draws text in a box at the bottom or at the top. Text beyond two fifths of the height is
+/// omitted, because the pattern is more important.
+void draw_words(const Chart& chart, WovenFrame& frame) {
+  const int scale = text_scale(chart.rig);
+  const int line = frames::kCellHeight * scale;
+  const auto columns =
+      static_cast<size_t>(std::max(1, frame.width() / (frames::kCellWidth * scale) - 2));
+  std::vector<std::string> lines;
+  for (const std::string& paragraph : chart.words)
+    for (std::string& text : frames::wrap_text(paragraph, columns))
+      lines.push_back(std::move(text));
+  const int fit = std::max(1, (frame.height() * 2 / 5 - line / 2) / line);
+  if (static_cast<int>(lines.size()) > fit) lines.resize(static_cast<size_t>(fit));
+  const int height = static_cast<int>(lines.size()) * line + line / 2;
+  int y = chart.words_on_top ? 0 : frame.height() - height;
+  frames::fill_box(frame, {0, y, frame.width(), height}, kBlack);
+  y += line / 4;
+  for (const std::string& text : lines) {
+    frames::draw_text(frame, frames::kCellWidth * scale, y, scale, text, kWhite);
+    y += line;
+  }
+}
+
 }  // namespace
 
 struct ChartPainter::Prepared {
@@ -268,33 +291,6 @@ void ChartPainter::paint_rows(int begin, int end, WovenFrame& frame) const {
     }
   }
 }
-
-namespace {
-
-/// Draws text in a box at the bottom or at the top. Text beyond two fifths of the height is
-/// omitted, because the pattern is more important.
-void draw_words(const Chart& chart, WovenFrame& frame) {
-  const int scale = text_scale(chart.rig);
-  const int line = frames::kCellHeight * scale;
-  const auto columns =
-      static_cast<size_t>(std::max(1, frame.width() / (frames::kCellWidth * scale) - 2));
-  std::vector<std::string> lines;
-  for (const std::string& paragraph : chart.words)
-    for (std::string& text : frames::wrap_text(paragraph, columns))
-      lines.push_back(std::move(text));
-  const int fit = std::max(1, (frame.height() * 2 / 5 - line / 2) / line);
-  if (static_cast<int>(lines.size()) > fit) lines.resize(static_cast<size_t>(fit));
-  const int height = static_cast<int>(lines.size()) * line + line / 2;
-  int y = chart.words_on_top ? 0 : frame.height() - height;
-  frames::fill_box(frame, {0, y, frame.width(), height}, kBlack);
-  y += line / 4;
-  for (const std::string& text : lines) {
-    frames::draw_text(frame, frames::kCellWidth * scale, y, scale, text, kWhite);
-    y += line;
-  }
-}
-
-}  // namespace
 
 void ChartPainter::paint_words(WovenFrame& frame) const {
   if (prepared_->chart.magnifier) prepared_->magnify(frame);

@@ -84,107 +84,10 @@ void parse_rig_trim(const JsonFields& fields, SequenceInfo& info) {
                    .pitch_relative = fields.number_or("pitch_relative", 0.0, -kPitch, kPitch)};
 }
 
-}  // namespace
-
-optics::RigIdentity rig_of(const SequenceInfo& info) {
-  return {.fingerprint = info.rig_fingerprint,
-          .calibration = info.rig_calibration.empty() ? info.rig_fingerprint : info.rig_calibration,
-          .trim = info.rig_trim};
-}
-
-void state_rig(SequenceInfo& info, const optics::RigIdentity& rig) {
-  info.rig_fingerprint = rig.fingerprint;
-  info.rig_calibration = rig.trim.empty() ? std::string() : rig.calibration;
-  info.rig_trim = rig.trim;
-}
-
-std::string sequence_info_to_json(const SequenceInfo& info) {
-  json object = {{"kind", info.kind == SequenceKind::Woven ? "woven" : "views"},
-                 {"rate", {info.rate.numerator, info.rate.denominator}},
-                 {"first_frame", info.first_frame},
-                 {"colour", info.kind == SequenceKind::Woven ? "panel" : "srgb"},
-                 {"software", info.software}};
-  object["loop"] =
-      json::array({json(info.loop_begin), info.loop_end ? json(*info.loop_end) : json(nullptr)});
-  if (!info.rig_fingerprint.empty()) object["rig_fingerprint"] = info.rig_fingerprint;
-  if (!info.rig_toml.empty()) object["rig_toml"] = info.rig_toml;
-  if (!info.rig_calibration.empty())
-    object["rig_trim"] = {{"calibration", info.rig_calibration},
-                          {"offset_lenses", info.rig_trim.offset.value},
-                          {"pitch_relative", info.rig_trim.pitch_relative}};
-  if (!info.made_from.empty()) object["made_from"] = info.made_from;
-  if (info.max_error > 0) object["max_error"] = info.max_error;
-  if (info.views) object["views"] = views_json(*info.views);
-  return object.dump(1, ' ', false, json::error_handler_t::replace);
-}
-
-SequenceInfo parse_sequence_info(std::string_view text, const FrameGeometry& geometry,
-                                 const std::string& source) {
-  const json object = optics::parse_json(text, source + ": metadata", kRemedy);
-  const JsonFields fields(object, source + ": metadata", kRemedy);
-  SequenceInfo info;
-  info.geometry = geometry;
-  const std::string kind = fields.text_or("kind", {});
-  if (kind != "woven" && kind != "views") fields.fail("kind", "neither woven nor views");
-  info.kind = kind == "woven" ? SequenceKind::Woven : SequenceKind::Views;
-  info.rate = parse_sequence_rate(fields);
-  if (fields.find("first_frame") != nullptr)
-    info.first_frame = fields.whole("first_frame", kMaxFirstFrame);
-  parse_loop(fields, info);
-  info.rig_fingerprint = fields.text_or("rig_fingerprint", {});
-  info.rig_toml = fields.text_or("rig_toml", {});
-  if (const json* trim = fields.find("rig_trim"))
-    parse_rig_trim(JsonFields(*trim, fields.source(), kRemedy), info);
-  info.made_from = fields.text_or("made_from", {});
-  info.software = fields.text_or("software", {});
-  if (fields.find("max_error") != nullptr)
-    info.max_error = static_cast<int>(fields.whole("max_error", 255));
-  if (info.kind == SequenceKind::Views) info.views = parse_views(fields, geometry);
-  return info;
-}
-
-namespace {
-
 bool fits_offset(uint64_t offset, size_t bytes) {
   constexpr auto kMost = static_cast<uint64_t>(std::numeric_limits<off_t>::max());
   return offset <= kMost && bytes <= kMost - offset;
 }
-
-}  // namespace
-
-uint64_t size_of(int fd) noexcept {
-  struct stat status {};
-  return ::fstat(fd, &status) == 0 ? static_cast<uint64_t>(status.st_size) : 0;
-}
-
-bool read_at(int fd, uint64_t offset, std::span<uint8_t> to) noexcept {
-  if (!fits_offset(offset, to.size())) return false;
-  while (!to.empty()) {
-    const ssize_t count = ::pread(fd, to.data(), to.size(), static_cast<off_t>(offset));
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return false;
-    to = to.subspan(static_cast<size_t>(count));
-    offset += static_cast<uint64_t>(count);
-  }
-  return true;
-}
-
-bool write_at(int fd, uint64_t offset, std::span<const uint8_t> from) noexcept {
-  if (!fits_offset(offset, from.size())) {
-    errno = EFBIG;
-    return false;
-  }
-  while (!from.empty()) {
-    const ssize_t count = ::pwrite(fd, from.data(), from.size(), static_cast<off_t>(offset));
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return false;
-    from = from.subspan(static_cast<size_t>(count));
-    offset += static_cast<uint64_t>(count);
-  }
-  return true;
-}
-
-namespace {
 
 // A non-text byte, the name, both kinds of line end, an end-of-file character: a program that
 // treats the file as text damages the first bytes.
@@ -219,120 +122,6 @@ bool in_range(const FileHeader& header) {
   return static_cast<uint32_t>(header.bands()) <= kMaxBands &&
          header.band_bytes(0) <= kMaxBandBytes;
 }
-
-}  // namespace
-
-uint64_t checksum_of(std::span<const uint8_t> bytes) noexcept {
-  return XXH3_64bits(bytes.data(), bytes.size());
-}
-
-int choose_band_rows(const FrameGeometry& geometry) {
-  const int usual = (geometry.height + kUsualBands - 1) / kUsualBands;
-  const auto most = static_cast<int>(kMaxBandBytes / std::max<size_t>(geometry.row_bytes(), 1));
-  return std::clamp(usual, std::min(kFewRows, geometry.height),
-                    std::max(1, std::min(most, geometry.height)));
-}
-
-bool can_hold(const FrameGeometry& geometry) {
-  return geometry.width >= 1 && geometry.width <= kMaxSequencePixels && geometry.height >= 1 &&
-         geometry.height <= kMaxSequencePixels && geometry.format == PixelFormat::Rgb8 &&
-         geometry.frame_bytes() <= kMaxSequenceFrameBytes;
-}
-
-void append_file_header(const FileHeader& header, std::vector<uint8_t>& to) {
-  const size_t begin = to.size();
-  append_bytes(kFileMagic, to);
-  append_u32(to, kSequenceVersion);
-  append_u32(to, kEndianTag);
-  append_u32(to, static_cast<uint32_t>(header.geometry.width));
-  append_u32(to, static_cast<uint32_t>(header.geometry.height));
-  append_u32(to, static_cast<uint32_t>(header.geometry.format));
-  append_u32(to, static_cast<uint32_t>(header.band_rows));
-  append_u64(to, header.metadata_bytes);
-  append_u64(to, header.metadata_checksum);
-  append_u64(to, 0);
-  append_checksum(begin, to);
-}
-
-HeaderFlaw parse_file_header(std::span<const uint8_t> bytes, FileHeader& header) {
-  constexpr HeaderFlaw kDamaged{"the header is damaged", kRestore};
-  if (!begins_with(bytes, std::span(kFileMagic).first(4)))
-    return {"not a sequence container", "use a file that lenticule wrote (.lts)"};
-  if (bytes.size() < kFileHeaderBytes) return {"the file ends within its header", kRestore};
-  if (!begins_with(bytes, kFileMagic)) return kDamaged;
-  if (load_u32(&bytes[8]) != kSequenceVersion)
-    return {"unsupported version of the sequence container",
-            "use the version of lenticule that wrote it, or convert the file with that version"};
-  if (!checksum_holds(bytes, kFileHeaderBytes - 8) || load_u32(&bytes[12]) != kEndianTag)
-    return kDamaged;
-  const auto number = [&](size_t at) { return static_cast<int>(load_u32(&bytes[at])); };
-  header.geometry = {number(16), number(20), static_cast<PixelFormat>(number(24))};
-  header.band_rows = number(28);
-  header.metadata_bytes = load_u64(&bytes[32]);
-  header.metadata_checksum = load_u64(&bytes[40]);
-  if (in_range(header)) return {};
-  return {"frame size not supported", "the limits are in docs/content/formats.md"};
-}
-
-void append_frame_header(const FrameHeader& header, int bands, std::vector<uint8_t>& to) {
-  const size_t begin = to.size();
-  append_bytes(kFrameMagic, to);
-  append_u32(to, static_cast<uint32_t>(bands));
-  append_u64(to, header.number);
-  append_u64(to, header.payload_bytes);
-  append_u64(to, header.table_checksum);
-  append_checksum(begin, to);
-}
-
-std::optional<FrameHeader> parse_frame_header(std::span<const uint8_t> bytes, int bands) noexcept {
-  if (bytes.size() < kFrameHeaderBytes || !begins_with(bytes, kFrameMagic) ||
-      !checksum_holds(bytes, kFrameHeaderBytes - 8) ||
-      load_u32(&bytes[4]) != static_cast<uint32_t>(bands))
-    return std::nullopt;
-  return FrameHeader{.number = load_u64(&bytes[8]),
-                     .payload_bytes = load_u64(&bytes[16]),
-                     .table_checksum = load_u64(&bytes[24])};
-}
-
-void append_band_entry(const BandEntry& entry, std::vector<uint8_t>& to) {
-  append_u64(to, entry.offset);
-  append_u32(to, entry.bytes);
-  append_u32(to, static_cast<uint32_t>(entry.codec));
-  append_u64(to, entry.checksum);
-}
-
-std::optional<BandEntry> parse_band_entry(std::span<const uint8_t> bytes) noexcept {
-  const uint32_t codec = load_u32(&bytes[12]);
-  if (codec >= kBandCodecs) return std::nullopt;
-  return BandEntry{.offset = load_u64(bytes.data()),
-                   .bytes = load_u32(&bytes[8]),
-                   .codec = static_cast<BandCodec>(codec),
-                   .checksum = load_u64(&bytes[16])};
-}
-
-void append_trailer(const Trailer& trailer, std::vector<uint8_t>& to) {
-  const size_t begin = to.size();
-  append_u64(to, trailer.index_offset);
-  append_u64(to, trailer.frame_count);
-  append_u64(to, trailer.index_checksum);
-  append_checksum(begin, to);
-  append_bytes(kTrailerMagic, to);
-}
-
-std::optional<Trailer> parse_trailer(std::span<const uint8_t> bytes) noexcept {
-  if (bytes.size() < kTrailerBytes || !begins_with(bytes.subspan(32), kTrailerMagic) ||
-      !checksum_holds(bytes, 24))
-    return std::nullopt;
-  return Trailer{.index_offset = load_u64(bytes.data()),
-                 .frame_count = load_u64(&bytes[8]),
-                 .index_checksum = load_u64(&bytes[16])};
-}
-
-std::span<const uint8_t> frame_magic() noexcept {
-  return kFrameMagic;
-}
-
-namespace {
 
 constexpr size_t kOffsetBytes = 8;
 constexpr size_t kSearchChunk = size_t{1} << 20;
@@ -501,6 +290,205 @@ bool is_valid(const BandEntry& entry, const FileHeader& header, int band, uint64
 }
 
 }  // namespace
+
+optics::RigIdentity rig_of(const SequenceInfo& info) {
+  return {.fingerprint = info.rig_fingerprint,
+          .calibration = info.rig_calibration.empty() ? info.rig_fingerprint : info.rig_calibration,
+          .trim = info.rig_trim};
+}
+
+void state_rig(SequenceInfo& info, const optics::RigIdentity& rig) {
+  info.rig_fingerprint = rig.fingerprint;
+  info.rig_calibration = rig.trim.empty() ? std::string() : rig.calibration;
+  info.rig_trim = rig.trim;
+}
+
+std::string sequence_info_to_json(const SequenceInfo& info) {
+  json object = {{"kind", info.kind == SequenceKind::Woven ? "woven" : "views"},
+                 {"rate", {info.rate.numerator, info.rate.denominator}},
+                 {"first_frame", info.first_frame},
+                 {"colour", info.kind == SequenceKind::Woven ? "panel" : "srgb"},
+                 {"software", info.software}};
+  object["loop"] =
+      json::array({json(info.loop_begin), info.loop_end ? json(*info.loop_end) : json(nullptr)});
+  if (!info.rig_fingerprint.empty()) object["rig_fingerprint"] = info.rig_fingerprint;
+  if (!info.rig_toml.empty()) object["rig_toml"] = info.rig_toml;
+  if (!info.rig_calibration.empty())
+    object["rig_trim"] = {{"calibration", info.rig_calibration},
+                          {"offset_lenses", info.rig_trim.offset.value},
+                          {"pitch_relative", info.rig_trim.pitch_relative}};
+  if (!info.made_from.empty()) object["made_from"] = info.made_from;
+  if (info.max_error > 0) object["max_error"] = info.max_error;
+  if (info.views) object["views"] = views_json(*info.views);
+  return object.dump(1, ' ', false, json::error_handler_t::replace);
+}
+
+SequenceInfo parse_sequence_info(std::string_view text, const FrameGeometry& geometry,
+                                 const std::string& source) {
+  const json object = optics::parse_json(text, source + ": metadata", kRemedy);
+  const JsonFields fields(object, source + ": metadata", kRemedy);
+  SequenceInfo info;
+  info.geometry = geometry;
+  const std::string kind = fields.text_or("kind", {});
+  if (kind != "woven" && kind != "views") fields.fail("kind", "neither woven nor views");
+  info.kind = kind == "woven" ? SequenceKind::Woven : SequenceKind::Views;
+  info.rate = parse_sequence_rate(fields);
+  if (fields.find("first_frame") != nullptr)
+    info.first_frame = fields.whole("first_frame", kMaxFirstFrame);
+  parse_loop(fields, info);
+  info.rig_fingerprint = fields.text_or("rig_fingerprint", {});
+  info.rig_toml = fields.text_or("rig_toml", {});
+  if (const json* trim = fields.find("rig_trim"))
+    parse_rig_trim(JsonFields(*trim, fields.source(), kRemedy), info);
+  info.made_from = fields.text_or("made_from", {});
+  info.software = fields.text_or("software", {});
+  if (fields.find("max_error") != nullptr)
+    info.max_error = static_cast<int>(fields.whole("max_error", 255));
+  if (info.kind == SequenceKind::Views) info.views = parse_views(fields, geometry);
+  return info;
+}
+
+uint64_t size_of(int fd) noexcept {
+  struct stat status {};
+  return ::fstat(fd, &status) == 0 ? static_cast<uint64_t>(status.st_size) : 0;
+}
+
+bool read_at(int fd, uint64_t offset, std::span<uint8_t> to) noexcept {
+  if (!fits_offset(offset, to.size())) return false;
+  while (!to.empty()) {
+    const ssize_t count = ::pread(fd, to.data(), to.size(), static_cast<off_t>(offset));
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return false;
+    to = to.subspan(static_cast<size_t>(count));
+    offset += static_cast<uint64_t>(count);
+  }
+  return true;
+}
+
+bool write_at(int fd, uint64_t offset, std::span<const uint8_t> from) noexcept {
+  if (!fits_offset(offset, from.size())) {
+    errno = EFBIG;
+    return false;
+  }
+  while (!from.empty()) {
+    const ssize_t count = ::pwrite(fd, from.data(), from.size(), static_cast<off_t>(offset));
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return false;
+    from = from.subspan(static_cast<size_t>(count));
+    offset += static_cast<uint64_t>(count);
+  }
+  return true;
+}
+
+uint64_t checksum_of(std::span<const uint8_t> bytes) noexcept {
+  return XXH3_64bits(bytes.data(), bytes.size());
+}
+
+int choose_band_rows(const FrameGeometry& geometry) {
+  const int usual = (geometry.height + kUsualBands - 1) / kUsualBands;
+  const auto most = static_cast<int>(kMaxBandBytes / std::max<size_t>(geometry.row_bytes(), 1));
+  return std::clamp(usual, std::min(kFewRows, geometry.height),
+                    std::max(1, std::min(most, geometry.height)));
+}
+
+bool can_hold(const FrameGeometry& geometry) {
+  return geometry.width >= 1 && geometry.width <= kMaxSequencePixels && geometry.height >= 1 &&
+         geometry.height <= kMaxSequencePixels && geometry.format == PixelFormat::Rgb8 &&
+         geometry.frame_bytes() <= kMaxSequenceFrameBytes;
+}
+
+void append_file_header(const FileHeader& header, std::vector<uint8_t>& to) {
+  const size_t begin = to.size();
+  append_bytes(kFileMagic, to);
+  append_u32(to, kSequenceVersion);
+  append_u32(to, kEndianTag);
+  append_u32(to, static_cast<uint32_t>(header.geometry.width));
+  append_u32(to, static_cast<uint32_t>(header.geometry.height));
+  append_u32(to, static_cast<uint32_t>(header.geometry.format));
+  append_u32(to, static_cast<uint32_t>(header.band_rows));
+  append_u64(to, header.metadata_bytes);
+  append_u64(to, header.metadata_checksum);
+  append_u64(to, 0);
+  append_checksum(begin, to);
+}
+
+HeaderFlaw parse_file_header(std::span<const uint8_t> bytes, FileHeader& header) {
+  constexpr HeaderFlaw kDamaged{"the header is damaged", kRestore};
+  if (!begins_with(bytes, std::span(kFileMagic).first(4)))
+    return {"not a sequence container", "use a file that lenticule wrote (.lts)"};
+  if (bytes.size() < kFileHeaderBytes) return {"the file ends within its header", kRestore};
+  if (!begins_with(bytes, kFileMagic)) return kDamaged;
+  if (load_u32(&bytes[8]) != kSequenceVersion)
+    return {"unsupported version of the sequence container",
+            "use the version of lenticule that wrote it, or convert the file with that version"};
+  if (!checksum_holds(bytes, kFileHeaderBytes - 8) || load_u32(&bytes[12]) != kEndianTag)
+    return kDamaged;
+  const auto number = [&](size_t at) { return static_cast<int>(load_u32(&bytes[at])); };
+  header.geometry = {number(16), number(20), static_cast<PixelFormat>(number(24))};
+  header.band_rows = number(28);
+  header.metadata_bytes = load_u64(&bytes[32]);
+  header.metadata_checksum = load_u64(&bytes[40]);
+  if (in_range(header)) return {};
+  return {"frame size not supported", "the limits are in docs/content/formats.md"};
+}
+
+void append_frame_header(const FrameHeader& header, int bands, std::vector<uint8_t>& to) {
+  const size_t begin = to.size();
+  append_bytes(kFrameMagic, to);
+  append_u32(to, static_cast<uint32_t>(bands));
+  append_u64(to, header.number);
+  append_u64(to, header.payload_bytes);
+  append_u64(to, header.table_checksum);
+  append_checksum(begin, to);
+}
+
+std::optional<FrameHeader> parse_frame_header(std::span<const uint8_t> bytes, int bands) noexcept {
+  if (bytes.size() < kFrameHeaderBytes || !begins_with(bytes, kFrameMagic) ||
+      !checksum_holds(bytes, kFrameHeaderBytes - 8) ||
+      load_u32(&bytes[4]) != static_cast<uint32_t>(bands))
+    return std::nullopt;
+  return FrameHeader{.number = load_u64(&bytes[8]),
+                     .payload_bytes = load_u64(&bytes[16]),
+                     .table_checksum = load_u64(&bytes[24])};
+}
+
+void append_band_entry(const BandEntry& entry, std::vector<uint8_t>& to) {
+  append_u64(to, entry.offset);
+  append_u32(to, entry.bytes);
+  append_u32(to, static_cast<uint32_t>(entry.codec));
+  append_u64(to, entry.checksum);
+}
+
+std::optional<BandEntry> parse_band_entry(std::span<const uint8_t> bytes) noexcept {
+  const uint32_t codec = load_u32(&bytes[12]);
+  if (codec >= kBandCodecs) return std::nullopt;
+  return BandEntry{.offset = load_u64(bytes.data()),
+                   .bytes = load_u32(&bytes[8]),
+                   .codec = static_cast<BandCodec>(codec),
+                   .checksum = load_u64(&bytes[16])};
+}
+
+void append_trailer(const Trailer& trailer, std::vector<uint8_t>& to) {
+  const size_t begin = to.size();
+  append_u64(to, trailer.index_offset);
+  append_u64(to, trailer.frame_count);
+  append_u64(to, trailer.index_checksum);
+  append_checksum(begin, to);
+  append_bytes(kTrailerMagic, to);
+}
+
+std::optional<Trailer> parse_trailer(std::span<const uint8_t> bytes) noexcept {
+  if (bytes.size() < kTrailerBytes || !begins_with(bytes.subspan(32), kTrailerMagic) ||
+      !checksum_holds(bytes, 24))
+    return std::nullopt;
+  return Trailer{.index_offset = load_u64(bytes.data()),
+                 .frame_count = load_u64(&bytes[8]),
+                 .index_checksum = load_u64(&bytes[16])};
+}
+
+std::span<const uint8_t> frame_magic() noexcept {
+  return kFrameMagic;
+}
 
 void append_file_start(const SequenceInfo& info, FileHeader& header, std::vector<uint8_t>& to) {
   const std::string metadata = sequence_info_to_json(info);

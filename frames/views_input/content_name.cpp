@@ -58,117 +58,8 @@ bool means_half(const std::vector<std::string>& words, size_t at) {
   return at < words.size() && (words[at] == "half" || words[at] == "h");
 }
 
-}  // namespace
-
-StereoLayout parse_stereo(const std::string& text) {
-  // The first word of a name never counts, and no extension counts here.
-  if (const auto layout = stereo_of_name("_" + text + "_")) return *layout;
-  throw usage_error("--stereo '{}': unknown", text)
-      .remedy("use sbs, tb, hsbs (half width), htb (half height) or none");
-}
-
-std::optional<StereoLayout> stereo_of_name(const std::filesystem::path& file) {
-  const std::vector<std::string> words = words_of(file);
-  for (size_t at = 1; at < words.size(); ++at) {
-    std::optional<StereoLayout> layout = stereo_word(words[at]);
-    size_t last = at;
-    if (!layout && at + 1 < words.size()) layout = stereo_word(words[at] + words[++last]);
-    if (!layout) continue;
-    layout->half = layout->half || means_half(words, at - 1) || means_half(words, last + 1);
-    return layout;
-  }
-  if (has_extension(file, ".pns") || is_jps_name(file))
-    return StereoLayout{.beside = true, .right_first = true};
-  return std::nullopt;
-}
-
-StereoTiles tiles_of(const StereoLayout& stereo, const FrameGeometry& picture) {
-  StereoTiles tiles;
-  tiles.layout =
-      stereo.beside ? QuiltLayout{.columns = 2, .rows = 1} : QuiltLayout{.columns = 1, .rows = 2};
-  tiles.rightmost_first = stereo.beside == stereo.right_first;
-  if (stereo.half) tiles.layout.aspect = static_cast<double>(picture.width) / picture.height;
-  return tiles;
-}
-
-std::optional<DepthLayout> parse_depth_layout(std::string_view text) {
-  constexpr std::array kPlaces = {"right", "left", "bottom", "top"};  // in the order of the types
-  constexpr std::array kParts = {"", ":half", ":quarter"};
-  for (size_t place = 0; place < kPlaces.size(); ++place)
-    for (size_t part = 0; part < kParts.size(); ++part)
-      if (text == std::string(kPlaces[place]) + kParts[part])
-        return DepthLayout{static_cast<DepthPlace>(place), static_cast<DepthPart>(part)};
-  return std::nullopt;
-}
-
-DepthWindows depth_windows(const FrameGeometry& picture, const DepthLayout& layout,
-                           const std::string& name) {
-  const auto [place, part] = layout;
-  const bool beside = place == DepthPlace::Right || place == DepthPlace::Left;
-  const int along = beside ? picture.width : picture.height;
-  const int depth = part == DepthPart::Whole ? along / 2 : along / 3;
-  const int colour = part == DepthPart::Whole ? depth : 2 * depth;
-  const int across = beside ? picture.height : picture.width;
-  const int depth_across = part == DepthPart::Quarter ? across / 2 : across;
-  if (depth < 1 || depth_across < 1)
-    throw input_error("{}: {} x {} pixels are too few for colours and depth", name, picture.width,
-                      picture.height);
-  const bool depth_first = place == DepthPlace::Left || place == DepthPlace::Top;
-  const int unused = beside ? 0 : along - colour - depth;
-  const auto window = [&](int begin, int length, int breadth) {
-    return beside ? DepthWindows::Window{.left = begin, .size = {length, breadth}}
-                  : DepthWindows::Window{.top = begin, .size = {breadth, length}};
-  };
-  return {.colour = window(unused + (depth_first ? depth : 0), colour, across),
-          .depth = window(unused + (depth_first ? 0 : colour), depth, depth_across)};
-}
-
-bool mentions_quilt(const std::filesystem::path& file) {
-  return std::ranges::any_of(words_of(file), [](const std::string& word) {
-    return word.starts_with("qs") &&
-           (word.size() == 2 || std::isdigit(static_cast<unsigned char>(word[2])) != 0);
-  });
-}
-
-bool is_rgbd_name(const std::filesystem::path& file) {
-  const std::vector<std::string> words = words_of(file);
-  return std::find(words.begin() + 1, words.end(), "rgbd") != words.end();
-}
-
-namespace {
-
 /// Tags precede the coded picture; a camera's preview may precede the tags.
 constexpr size_t kHeadBytes = size_t{1} << 20;
-
-}  // namespace
-
-bool is_jps_name(const std::filesystem::path& file) {
-  return has_extension(file, ".jps");
-}
-
-std::optional<StereoLayout> parse_jps_tag(std::span<const uint8_t> head, const std::string& name) {
-  // Two bytes of length, then separation, flags, layout and type.
-  constexpr size_t kDescriptorBytes = 6;
-  constexpr uint8_t kHalfHeight = 1, kHalfWidth = 2, kLeftFirst = 4;
-  constexpr uint8_t kStereoscopic = 1, kBeside = 2, kAbove = 3;
-  const std::span<const uint8_t> descriptor = jpeg_segment(head, 0xE3, "_JPSJPS_");
-  if (descriptor.size() < kDescriptorBytes) return std::nullopt;
-  const uint8_t flags = descriptor[3], layout = descriptor[4], type = descriptor[5];
-  if (type != kStereoscopic)
-    throw input_error("{}: its tag says that it is not stereoscopic", name)
-        .remedy("use --stereo none to show it unchanged");
-  if (layout != kBeside && layout != kAbove)
-    throw Error(
-        ErrorKind::Input,
-        fmt::format("{}: its tag says {}; only side by side and top and bottom are supported", name,
-                    layout == 1 ? "interlaced rows" : "an unknown layout"),
-        "convert it to side by side");
-  const bool beside = layout == kBeside;
-  const bool half = (flags & (beside ? kHalfWidth : kHalfHeight)) != 0;
-  return StereoLayout{.beside = beside, .half = half, .right_first = (flags & kLeftFirst) == 0};
-}
-
-namespace {
 
 /// Returns the first bytes of a file.
 std::vector<uint8_t> read_head(const std::filesystem::path& file, size_t bytes) {
@@ -178,14 +69,6 @@ std::vector<uint8_t> read_head(const std::filesystem::path& file, size_t bytes) 
   head.resize(static_cast<size_t>(std::max<ssize_t>(n, 0)));
   return head;
 }
-
-}  // namespace
-
-std::optional<StereoLayout> read_jps_tag(const std::filesystem::path& file) {
-  return parse_jps_tag(read_head(file, kHeadBytes), file.string());
-}
-
-namespace {
 
 constexpr std::string_view kInComment = "LKGColumns";
 constexpr const char* kColumns[] = {"columns", "cols",          "tileX",          "tilesX",
@@ -302,6 +185,111 @@ const nlohmann::json& object_of(const nlohmann::json& document) {
 }
 
 }  // namespace
+
+StereoLayout parse_stereo(const std::string& text) {
+  // The first word of a name never counts, and no extension counts here.
+  if (const auto layout = stereo_of_name("_" + text + "_")) return *layout;
+  throw usage_error("--stereo '{}': unknown", text)
+      .remedy("use sbs, tb, hsbs (half width), htb (half height) or none");
+}
+
+std::optional<StereoLayout> stereo_of_name(const std::filesystem::path& file) {
+  const std::vector<std::string> words = words_of(file);
+  for (size_t at = 1; at < words.size(); ++at) {
+    std::optional<StereoLayout> layout = stereo_word(words[at]);
+    size_t last = at;
+    if (!layout && at + 1 < words.size()) layout = stereo_word(words[at] + words[++last]);
+    if (!layout) continue;
+    layout->half = layout->half || means_half(words, at - 1) || means_half(words, last + 1);
+    return layout;
+  }
+  if (has_extension(file, ".pns") || is_jps_name(file))
+    return StereoLayout{.beside = true, .right_first = true};
+  return std::nullopt;
+}
+
+StereoTiles tiles_of(const StereoLayout& stereo, const FrameGeometry& picture) {
+  StereoTiles tiles;
+  tiles.layout =
+      stereo.beside ? QuiltLayout{.columns = 2, .rows = 1} : QuiltLayout{.columns = 1, .rows = 2};
+  tiles.rightmost_first = stereo.beside == stereo.right_first;
+  if (stereo.half) tiles.layout.aspect = static_cast<double>(picture.width) / picture.height;
+  return tiles;
+}
+
+std::optional<DepthLayout> parse_depth_layout(std::string_view text) {
+  constexpr std::array kPlaces = {"right", "left", "bottom", "top"};  // in the order of the types
+  constexpr std::array kParts = {"", ":half", ":quarter"};
+  for (size_t place = 0; place < kPlaces.size(); ++place)
+    for (size_t part = 0; part < kParts.size(); ++part)
+      if (text == std::string(kPlaces[place]) + kParts[part])
+        return DepthLayout{static_cast<DepthPlace>(place), static_cast<DepthPart>(part)};
+  return std::nullopt;
+}
+
+DepthWindows depth_windows(const FrameGeometry& picture, const DepthLayout& layout,
+                           const std::string& name) {
+  const auto [place, part] = layout;
+  const bool beside = place == DepthPlace::Right || place == DepthPlace::Left;
+  const int along = beside ? picture.width : picture.height;
+  const int depth = part == DepthPart::Whole ? along / 2 : along / 3;
+  const int colour = part == DepthPart::Whole ? depth : 2 * depth;
+  const int across = beside ? picture.height : picture.width;
+  const int depth_across = part == DepthPart::Quarter ? across / 2 : across;
+  if (depth < 1 || depth_across < 1)
+    throw input_error("{}: {} x {} pixels are too few for colours and depth", name, picture.width,
+                      picture.height);
+  const bool depth_first = place == DepthPlace::Left || place == DepthPlace::Top;
+  const int unused = beside ? 0 : along - colour - depth;
+  const auto window = [&](int begin, int length, int breadth) {
+    return beside ? DepthWindows::Window{.left = begin, .size = {length, breadth}}
+                  : DepthWindows::Window{.top = begin, .size = {breadth, length}};
+  };
+  return {.colour = window(unused + (depth_first ? depth : 0), colour, across),
+          .depth = window(unused + (depth_first ? 0 : colour), depth, depth_across)};
+}
+
+bool mentions_quilt(const std::filesystem::path& file) {
+  return std::ranges::any_of(words_of(file), [](const std::string& word) {
+    return word.starts_with("qs") &&
+           (word.size() == 2 || std::isdigit(static_cast<unsigned char>(word[2])) != 0);
+  });
+}
+
+bool is_rgbd_name(const std::filesystem::path& file) {
+  const std::vector<std::string> words = words_of(file);
+  return std::find(words.begin() + 1, words.end(), "rgbd") != words.end();
+}
+
+bool is_jps_name(const std::filesystem::path& file) {
+  return has_extension(file, ".jps");
+}
+
+std::optional<StereoLayout> parse_jps_tag(std::span<const uint8_t> head, const std::string& name) {
+  // Two bytes of length, then separation, flags, layout and type.
+  constexpr size_t kDescriptorBytes = 6;
+  constexpr uint8_t kHalfHeight = 1, kHalfWidth = 2, kLeftFirst = 4;
+  constexpr uint8_t kStereoscopic = 1, kBeside = 2, kAbove = 3;
+  const std::span<const uint8_t> descriptor = jpeg_segment(head, 0xE3, "_JPSJPS_");
+  if (descriptor.size() < kDescriptorBytes) return std::nullopt;
+  const uint8_t flags = descriptor[3], layout = descriptor[4], type = descriptor[5];
+  if (type != kStereoscopic)
+    throw input_error("{}: its tag says that it is not stereoscopic", name)
+        .remedy("use --stereo none to show it unchanged");
+  if (layout != kBeside && layout != kAbove)
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: its tag says {}; only side by side and top and bottom are supported", name,
+                    layout == 1 ? "interlaced rows" : "an unknown layout"),
+        "convert it to side by side");
+  const bool beside = layout == kBeside;
+  const bool half = (flags & (beside ? kHalfWidth : kHalfHeight)) != 0;
+  return StereoLayout{.beside = beside, .half = half, .right_first = (flags & kLeftFirst) == 0};
+}
+
+std::optional<StereoLayout> read_jps_tag(const std::filesystem::path& file) {
+  return parse_jps_tag(read_head(file, kHeadBytes), file.string());
+}
 
 std::optional<QuiltSidecar> parse_quilt_sidecar(std::string_view json, const std::string& source) {
   const nlohmann::json document = optics::parse_json(json, source);

@@ -81,62 +81,6 @@ Parabola fitted(int first_code) {
   return best;
 }
 
-}  // namespace
-
-const LightCurve& light_curve() {
-  static const LightCurve curve = [] {
-    LightCurve parts{};
-    for (size_t n = 0; n < 16; ++n) {
-      const Parabola part = fitted(static_cast<int>(16 * n));
-      parts.start_low[n] = static_cast<uint8_t>(part.start & 0xff);
-      parts.start_high[n] = static_cast<uint8_t>(part.start >> 8);
-      parts.rise_low[n] = static_cast<uint8_t>(part.rise & 0xff);
-      parts.rise_high[n] = static_cast<uint8_t>(part.rise >> 8);
-      parts.bend[n] = static_cast<uint8_t>(part.bend);
-    }
-    return parts;
-  }();
-  return curve;
-}
-
-const std::array<uint16_t, 256>& light_of_codes15() {
-  static const std::array<uint16_t, 256> table = [] {
-    const LightCurve& curve = light_curve();
-    std::array<uint16_t, 256> light{};
-    for (size_t code = 0; code < light.size(); ++code) {
-      const size_t n = code / 16;
-      const Parabola part{.start = curve.start_low[n] | curve.start_high[n] << 8,
-                          .rise = curve.rise_low[n] | curve.rise_high[n] << 8,
-                          .bend = curve.bend[n]};
-      light[code] = static_cast<uint16_t>(part.at(static_cast<int>(code % 16)));
-    }
-    return light;
-  }();
-  return table;
-}
-
-const EncodingCurve& encoding_curve() {
-  static const EncodingCurve curve = [] {
-    EncodingCurve points{};
-    fill_part(points.low_start, points.low_rise, 32);
-    fill_part(points.high_start, points.high_rise, 512);
-    return points;
-  }();
-  return curve;
-}
-
-const std::array<uint8_t, 32768>& codes_of_light15() {
-  static const auto table = [] {
-    auto codes = std::make_unique<std::array<uint8_t, 32768>>();
-    for (int light = 0; light < 32768; ++light)
-      (*codes)[static_cast<size_t>(light)] = encode(light);
-    return codes;
-  }();
-  return *table;
-}
-
-namespace {
-
 constexpr double kMostPercent = 40.0;
 constexpr double kSpotReach = 4.3;
 constexpr double kSpotRestraint = 0.01;
@@ -235,6 +179,58 @@ class LightRows {
 };
 
 }  // namespace
+
+const LightCurve& light_curve() {
+  static const LightCurve curve = [] {
+    LightCurve parts{};
+    for (size_t n = 0; n < 16; ++n) {
+      const Parabola part = fitted(static_cast<int>(16 * n));
+      parts.start_low[n] = static_cast<uint8_t>(part.start & 0xff);
+      parts.start_high[n] = static_cast<uint8_t>(part.start >> 8);
+      parts.rise_low[n] = static_cast<uint8_t>(part.rise & 0xff);
+      parts.rise_high[n] = static_cast<uint8_t>(part.rise >> 8);
+      parts.bend[n] = static_cast<uint8_t>(part.bend);
+    }
+    return parts;
+  }();
+  return curve;
+}
+
+const std::array<uint16_t, 256>& light_of_codes15() {
+  static const std::array<uint16_t, 256> table = [] {
+    const LightCurve& curve = light_curve();
+    std::array<uint16_t, 256> light{};
+    for (size_t code = 0; code < light.size(); ++code) {
+      const size_t n = code / 16;
+      const Parabola part{.start = curve.start_low[n] | curve.start_high[n] << 8,
+                          .rise = curve.rise_low[n] | curve.rise_high[n] << 8,
+                          .bend = curve.bend[n]};
+      light[code] = static_cast<uint16_t>(part.at(static_cast<int>(code % 16)));
+    }
+    return light;
+  }();
+  return table;
+}
+
+const EncodingCurve& encoding_curve() {
+  static const EncodingCurve curve = [] {
+    EncodingCurve points{};
+    fill_part(points.low_start, points.low_rise, 32);
+    fill_part(points.high_start, points.high_rise, 512);
+    return points;
+  }();
+  return curve;
+}
+
+const std::array<uint8_t, 32768>& codes_of_light15() {
+  static const auto table = [] {
+    auto codes = std::make_unique<std::array<uint8_t, 32768>>();
+    for (int light = 0; light < 32768; ++light)
+      (*codes)[static_cast<size_t>(light)] = encode(light);
+    return codes;
+  }();
+  return *table;
+}
 
 Crosstalk crosstalk_of_percent(double percent) {
   if (!(percent >= 0.0 && percent <= kMostPercent))

@@ -68,42 +68,6 @@ PlacedPanel place(const WallPanel& panel, Vec3 viewer_mm, const std::filesystem:
   return placed;
 }
 
-}  // namespace
-
-Affine wall_from_panel(const WallPanel& panel) {
-  Affine place =
-      rotation(panel.turn_degrees, {0, 1, 0}) *
-      (rotation(-panel.tilt_degrees, {1, 0, 0}) * rotation(panel.roll_degrees, {0, 0, 1}));
-  place.origin = panel.centre_mm;
-  return place;
-}
-
-std::string file_of_panel(const std::string& file, const std::string& panel) {
-  const std::filesystem::path path(file);
-  const std::string extension = path.has_extension() ? path.extension().string() : ".lts";
-  return (path.parent_path() / fmt::format("{}-{}{}", path.stem().string(), panel, extension))
-      .string();
-}
-
-const PlacedPanel& PlacedWall::panel(const std::string& name) const {
-  const auto found = std::ranges::find(panels, name, &PlacedPanel::name);
-  if (found != panels.end()) return *found;
-  std::vector<std::string> names;
-  for (const PlacedPanel& panel : panels) names.push_back(panel.name);
-  throw usage_error("the wall has no panel '{}'", name)
-      .remedy(fmt::format("its panels are: {}", fmt::join(names, ", ")));
-}
-
-PlacedWall load_wall(const std::filesystem::path& file) {
-  const Wall wall = parse_wall(read_text_file(file, kMaxFileBytes), file.string());
-  PlacedWall placed{.viewer_mm = wall.viewer_mm, .panels = {}};
-  for (const WallPanel& panel : wall.panels)
-    placed.panels.push_back(place(panel, wall.viewer_mm, file));
-  return placed;
-}
-
-namespace {
-
 constexpr size_t kMaxNameBytes = 32;
 constexpr size_t kMaxPathBytes = 1024;
 
@@ -174,6 +138,38 @@ WallPanel read_panel(const TomlSection& panel, const std::vector<WallPanel>& bef
 }
 
 }  // namespace
+
+Affine wall_from_panel(const WallPanel& panel) {
+  Affine place =
+      rotation(panel.turn_degrees, {0, 1, 0}) *
+      (rotation(-panel.tilt_degrees, {1, 0, 0}) * rotation(panel.roll_degrees, {0, 0, 1}));
+  place.origin = panel.centre_mm;
+  return place;
+}
+
+std::string file_of_panel(const std::string& file, const std::string& panel) {
+  const std::filesystem::path path(file);
+  const std::string extension = path.has_extension() ? path.extension().string() : ".lts";
+  return (path.parent_path() / fmt::format("{}-{}{}", path.stem().string(), panel, extension))
+      .string();
+}
+
+const PlacedPanel& PlacedWall::panel(const std::string& name) const {
+  const auto found = std::ranges::find(panels, name, &PlacedPanel::name);
+  if (found != panels.end()) return *found;
+  std::vector<std::string> names;
+  for (const PlacedPanel& panel : panels) names.push_back(panel.name);
+  throw usage_error("the wall has no panel '{}'", name)
+      .remedy(fmt::format("its panels are: {}", fmt::join(names, ", ")));
+}
+
+PlacedWall load_wall(const std::filesystem::path& file) {
+  const Wall wall = parse_wall(read_text_file(file, kMaxFileBytes), file.string());
+  PlacedWall placed{.viewer_mm = wall.viewer_mm, .panels = {}};
+  for (const WallPanel& panel : wall.panels)
+    placed.panels.push_back(place(panel, wall.viewer_mm, file));
+  return placed;
+}
 
 Wall parse_wall(std::string_view text, const std::string& source) {
   const toml::table table = parse_toml(text, source);

@@ -33,67 +33,6 @@ constexpr std::chrono::sys_days kFirstMonday = std::chrono::year(1969) / 12 / 29
 constexpr std::chrono::year kEveryYear(0);
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 
-}  // namespace
-
-// --- order and times ------------------------------------------------------------------------
-
-LocalTime local_time_now() {
-  const std::time_t now = std::time(nullptr);
-  std::tm local{};
-  localtime_r(&now, &local);
-  using namespace std::chrono;
-  return {.day = day_of(year(local.tm_year + 1900) / (local.tm_mon + 1) / local.tm_mday),
-          .minute = local.tm_hour * 60 + local.tm_min};
-}
-
-int day_of(std::chrono::year_month_day date) {
-  return static_cast<int>((std::chrono::sys_days(date) - kFirstMonday).count());
-}
-
-std::chrono::year_month_day date_of(int day) {
-  return kFirstMonday + std::chrono::days(day);
-}
-
-bool DateSpan::contains(int day) const {
-  const std::chrono::year_month_day date = date_of(day);
-  if (first.year() != kEveryYear) return first <= date && date <= last;
-  const std::chrono::year_month_day here = kEveryYear / date.month() / date.day();
-  return first <= last ? first <= here && here <= last : first <= here || here <= last;
-}
-
-std::optional<DateSpan> parse_dates(std::string_view text) {
-  const auto date_from = [](std::string_view part) -> std::optional<std::chrono::year_month_day> {
-    using namespace std::chrono;
-    const size_t parts = static_cast<size_t>(std::ranges::count(part, '-')) + 1;
-    if (part.size() != (parts == 2 ? 5 : 10)) return std::nullopt;
-    const std::string whole = (parts == 2 ? "0000-" : "") + std::string(part);
-    const auto numbers = numbers_from<unsigned, 3>(whole, '-');
-    if (!numbers) return std::nullopt;
-    const auto& [y, m, d] = *numbers;
-    const year_month_day date = year(static_cast<int>(y)) / static_cast<int>(m) / d;
-    // Year 0, which stands for every year, has a 29 February.
-    return date.ok() && (parts == 2 || y != 0) ? std::optional(date) : std::nullopt;
-  };
-  const size_t dots = text.find("..");
-  const auto first = date_from(text.substr(0, dots));
-  const auto last = dots == std::string_view::npos ? first : date_from(text.substr(dots + 2));
-  if (!first || !last || (first->year() == kEveryYear) != (last->year() == kEveryYear) ||
-      (first->year() != kEveryYear && *last < *first))
-    return std::nullopt;
-  return DateSpan{*first, *last};
-}
-
-std::string to_string(const DateSpan& dates) {
-  const auto text = [](std::chrono::year_month_day date) {
-    const std::string year =
-        date.year() == kEveryYear ? "" : fmt::format("{:04}-", int{date.year()});
-    return fmt::format("{}{:02}-{:02}", year, unsigned{date.month()}, unsigned{date.day()});
-  };
-  return text(dates.first) + (dates.first == dates.last ? "" : ".." + text(dates.last));
-}
-
-namespace {
-
 /// Returns true if spans of the schedule may begin on this day.
 bool begins_on(const Schedule& schedule, int day) {
   const auto contains = [day](const DateSpan& span) { return span.contains(day); };
@@ -109,135 +48,6 @@ uint64_t mixed(uint64_t number) {
   number = (number ^ (number >> 27)) * 0x94d049bb133111ebU;
   return number ^ (number >> 31);
 }
-
-}  // namespace
-
-bool Schedule::permits(LocalTime time) const {
-  if (from_minute < to_minute)
-    return begins_on(*this, time.day) && time.minute >= from_minute && time.minute < to_minute;
-  const bool evening = begins_on(*this, time.day) && time.minute >= from_minute;
-  const bool night = begins_on(*this, time.day - 1) && time.minute < to_minute;
-  return evening || night;
-}
-
-std::optional<int> Schedule::minutes_until_begin(LocalTime now) const {
-  for (int days = 0; days < kLongestSearchDays; ++days) {
-    const int minutes = days * kMinutesPerDay + from_minute - now.minute;
-    if (minutes >= 0 && begins_on(*this, now.day + days)) return minutes;
-  }
-  return std::nullopt;
-}
-
-bool Playlist::has_transitions() const {
-  const auto blends = [this](const auto& item) {
-    return transition_to(item) != TransitionKind::Cut;
-  };
-  return std::ranges::any_of(items, blends) || (standby && blends(*standby));
-}
-
-size_t Playlist::items_scheduled(LocalTime now) const {
-  return static_cast<size_t>(std::ranges::count_if(
-      items, [now](const PlaylistItem& item) { return item.permitted(now); }));
-}
-
-double still_seconds(const SourceSpec& source) {
-  try {
-    if (const auto sidecar = source.has_pictures() ? frames::read_sidecar_of(source.text)
-                                                   : std::optional<frames::QuiltSidecar>())
-      return std::min(sidecar->duration_s.value_or(kStillSeconds), kMaxSeconds);
-  } catch (const Error&) {
-    return kStillSeconds;  // reported when the item is opened
-  }
-  return kStillSeconds;
-}
-
-Playlist playlist_of(const SourceSpec& source, uint64_t rounds) {
-  Playlist list{.name = source.text, .items = {}, .standby = {}, .rounds = 1};
-  // Loops of the item itself are seamless; rounds of a list are not.
-  list.items.push_back({.source = source, .loops = rounds});
-  return list;
-}
-
-bool Playlist::in_round(size_t index, int64_t round) const {
-  const uint64_t most = std::ranges::max(items, {}, &PlaylistItem::weight).weight;
-  // The first of the lighter items is in round 0, the second in round 1, ...
-  const auto lighter = static_cast<uint64_t>(
-      std::count_if(items.begin(), items.begin() + static_cast<ptrdiff_t>(index),
-                    [most](const PlaylistItem& item) { return item.weight < most; }));
-  return (static_cast<uint64_t>(round) + lighter * (most - 1)) * items[index].weight % most <
-         items[index].weight;
-}
-
-std::vector<size_t> Playlist::order(int64_t round) const {
-  std::vector<size_t> order(items.size());
-  std::iota(order.begin(), order.end(), size_t{0});
-  if (!shuffle || items.size() < 3) return order;
-  const auto shuffled = [&](int64_t of_round) {
-    std::vector<size_t> all = order;
-    for (size_t left = all.size(); left > 1; --left)
-      std::swap(all[left - 1],
-                all[mixed(mixed(*shuffle ^ mixed(static_cast<uint64_t>(of_round))) + left) % left]);
-    return all;
-  };
-  // Exchanging the first two items leaves the last one in its place, so that the round after this
-  // one need not know of it.
-  const size_t before = shuffled(round - 1).back();
-  order = shuffled(round);
-  if (order.front() == before) std::swap(order[0], order[1]);
-  return order;
-}
-
-ListPlace Playlist::beside(ListPlace from, int step) const {
-  const std::vector<size_t> played = order(from.round);
-  const auto item = std::ranges::find(played, from.index);
-  if (step < 0 && item == played.begin()) return {order(from.round - 1).back(), from.round - 1};
-  if (step < 0 || item + 1 != played.end()) return {item[step], from.round};
-  if (shuffle && rounds == kForever) ++from.round;
-  return {order(from.round).front(), from.round};
-}
-
-NextItem next_item(const Playlist& list, std::optional<size_t> after, int64_t rounds_done,
-                   LocalTime now) {
-  const size_t scheduled = list.items_scheduled(now);
-  // The item that must not follow itself, or none.
-  const size_t last = list.shuffle && scheduled > 1 ? after.value_or(SIZE_MAX) : SIZE_MAX;
-  // Each item is in at least one of kMaxWeight rounds.
-  const auto last_round = rounds_done + static_cast<int64_t>(kMaxWeight);
-  for (int64_t round = rounds_done; round <= last_round && !list.items.empty(); ++round) {
-    const std::vector<size_t> order = list.order(round);
-    auto item = after ? std::ranges::find(order, *after) + 1 : order.begin();
-    after.reset();
-    for (; item != order.end(); ++item)
-      if (list.items[*item].permitted(now) && list.in_round(*item, round) && *item != last)
-        return {.kind = NextItem::Kind::Item, .index = *item, .rounds_done = round};
-    if (list.rounds != kForever && round + 1 >= static_cast<int64_t>(list.rounds))
-      return {.kind = NextItem::Kind::End, .index = 0, .rounds_done = round + 1};
-    if (scheduled == 0) break;
-  }
-  return {.kind = NextItem::Kind::None, .rounds_done = rounds_done};
-}
-
-std::string reason_to_wait(const Playlist& list, LocalTime now) {
-  if (list.items.empty()) return "no file to play yet";
-  std::optional<int> wait;
-  for (const PlaylistItem& item : list.items) {
-    if (item.permitted(now)) return {};
-    const auto own = item.schedule->minutes_until_begin(now);
-    if (own) wait = std::min(wait.value_or(*own), *own);
-  }
-  if (!wait) return "no item is scheduled any more";
-  const int begin = now.minute + *wait, day = now.day + begin / kMinutesPerDay;
-  constexpr std::array<const char*, 7> kNames = {"Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"};
-  const std::string date =
-      day - now.day < 7 ? "" : to_string(DateSpan{date_of(day), date_of(day)}) + " ";
-  return fmt::format("no item is scheduled before {} {}{:02}:{:02}",
-                     kNames.at(static_cast<size_t>(LocalTime{.day = day}.weekday())), date,
-                     begin % kMinutesPerDay / 60, begin % 60);
-}
-
-// --- files ----------------------------------------------------------------------------------
-
-namespace {
 
 /// Reader parses one list and adds its name and line to every error.
 class Reader {
@@ -660,6 +470,188 @@ class Reader {
 };
 
 }  // namespace
+
+// --- order and times ------------------------------------------------------------------------
+
+LocalTime local_time_now() {
+  const std::time_t now = std::time(nullptr);
+  std::tm local{};
+  localtime_r(&now, &local);
+  using namespace std::chrono;
+  return {.day = day_of(year(local.tm_year + 1900) / (local.tm_mon + 1) / local.tm_mday),
+          .minute = local.tm_hour * 60 + local.tm_min};
+}
+
+int day_of(std::chrono::year_month_day date) {
+  return static_cast<int>((std::chrono::sys_days(date) - kFirstMonday).count());
+}
+
+std::chrono::year_month_day date_of(int day) {
+  return kFirstMonday + std::chrono::days(day);
+}
+
+bool DateSpan::contains(int day) const {
+  const std::chrono::year_month_day date = date_of(day);
+  if (first.year() != kEveryYear) return first <= date && date <= last;
+  const std::chrono::year_month_day here = kEveryYear / date.month() / date.day();
+  return first <= last ? first <= here && here <= last : first <= here || here <= last;
+}
+
+std::optional<DateSpan> parse_dates(std::string_view text) {
+  const auto date_from = [](std::string_view part) -> std::optional<std::chrono::year_month_day> {
+    using namespace std::chrono;
+    const size_t parts = static_cast<size_t>(std::ranges::count(part, '-')) + 1;
+    if (part.size() != (parts == 2 ? 5 : 10)) return std::nullopt;
+    const std::string whole = (parts == 2 ? "0000-" : "") + std::string(part);
+    const auto numbers = numbers_from<unsigned, 3>(whole, '-');
+    if (!numbers) return std::nullopt;
+    const auto& [y, m, d] = *numbers;
+    const year_month_day date = year(static_cast<int>(y)) / static_cast<int>(m) / d;
+    // Year 0, which stands for every year, has a 29 February.
+    return date.ok() && (parts == 2 || y != 0) ? std::optional(date) : std::nullopt;
+  };
+  const size_t dots = text.find("..");
+  const auto first = date_from(text.substr(0, dots));
+  const auto last = dots == std::string_view::npos ? first : date_from(text.substr(dots + 2));
+  if (!first || !last || (first->year() == kEveryYear) != (last->year() == kEveryYear) ||
+      (first->year() != kEveryYear && *last < *first))
+    return std::nullopt;
+  return DateSpan{*first, *last};
+}
+
+std::string to_string(const DateSpan& dates) {
+  const auto text = [](std::chrono::year_month_day date) {
+    const std::string year =
+        date.year() == kEveryYear ? "" : fmt::format("{:04}-", int{date.year()});
+    return fmt::format("{}{:02}-{:02}", year, unsigned{date.month()}, unsigned{date.day()});
+  };
+  return text(dates.first) + (dates.first == dates.last ? "" : ".." + text(dates.last));
+}
+
+bool Schedule::permits(LocalTime time) const {
+  if (from_minute < to_minute)
+    return begins_on(*this, time.day) && time.minute >= from_minute && time.minute < to_minute;
+  const bool evening = begins_on(*this, time.day) && time.minute >= from_minute;
+  const bool night = begins_on(*this, time.day - 1) && time.minute < to_minute;
+  return evening || night;
+}
+
+std::optional<int> Schedule::minutes_until_begin(LocalTime now) const {
+  for (int days = 0; days < kLongestSearchDays; ++days) {
+    const int minutes = days * kMinutesPerDay + from_minute - now.minute;
+    if (minutes >= 0 && begins_on(*this, now.day + days)) return minutes;
+  }
+  return std::nullopt;
+}
+
+bool Playlist::has_transitions() const {
+  const auto blends = [this](const auto& item) {
+    return transition_to(item) != TransitionKind::Cut;
+  };
+  return std::ranges::any_of(items, blends) || (standby && blends(*standby));
+}
+
+size_t Playlist::items_scheduled(LocalTime now) const {
+  return static_cast<size_t>(std::ranges::count_if(
+      items, [now](const PlaylistItem& item) { return item.permitted(now); }));
+}
+
+double still_seconds(const SourceSpec& source) {
+  try {
+    if (const auto sidecar = source.has_pictures() ? frames::read_sidecar_of(source.text)
+                                                   : std::optional<frames::QuiltSidecar>())
+      return std::min(sidecar->duration_s.value_or(kStillSeconds), kMaxSeconds);
+  } catch (const Error&) {
+    return kStillSeconds;  // reported when the item is opened
+  }
+  return kStillSeconds;
+}
+
+Playlist playlist_of(const SourceSpec& source, uint64_t rounds) {
+  Playlist list{.name = source.text, .items = {}, .standby = {}, .rounds = 1};
+  // Loops of the item itself are seamless; rounds of a list are not.
+  list.items.push_back({.source = source, .loops = rounds});
+  return list;
+}
+
+bool Playlist::in_round(size_t index, int64_t round) const {
+  const uint64_t most = std::ranges::max(items, {}, &PlaylistItem::weight).weight;
+  // The first of the lighter items is in round 0, the second in round 1, ...
+  const auto lighter = static_cast<uint64_t>(
+      std::count_if(items.begin(), items.begin() + static_cast<ptrdiff_t>(index),
+                    [most](const PlaylistItem& item) { return item.weight < most; }));
+  return (static_cast<uint64_t>(round) + lighter * (most - 1)) * items[index].weight % most <
+         items[index].weight;
+}
+
+std::vector<size_t> Playlist::order(int64_t round) const {
+  std::vector<size_t> order(items.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  if (!shuffle || items.size() < 3) return order;
+  const auto shuffled = [&](int64_t of_round) {
+    std::vector<size_t> all = order;
+    for (size_t left = all.size(); left > 1; --left)
+      std::swap(all[left - 1],
+                all[mixed(mixed(*shuffle ^ mixed(static_cast<uint64_t>(of_round))) + left) % left]);
+    return all;
+  };
+  // Exchanging the first two items leaves the last one in its place, so that the round after this
+  // one need not know of it.
+  const size_t before = shuffled(round - 1).back();
+  order = shuffled(round);
+  if (order.front() == before) std::swap(order[0], order[1]);
+  return order;
+}
+
+ListPlace Playlist::beside(ListPlace from, int step) const {
+  const std::vector<size_t> played = order(from.round);
+  const auto item = std::ranges::find(played, from.index);
+  if (step < 0 && item == played.begin()) return {order(from.round - 1).back(), from.round - 1};
+  if (step < 0 || item + 1 != played.end()) return {item[step], from.round};
+  if (shuffle && rounds == kForever) ++from.round;
+  return {order(from.round).front(), from.round};
+}
+
+NextItem next_item(const Playlist& list, std::optional<size_t> after, int64_t rounds_done,
+                   LocalTime now) {
+  const size_t scheduled = list.items_scheduled(now);
+  // The item that must not follow itself, or none.
+  const size_t last = list.shuffle && scheduled > 1 ? after.value_or(SIZE_MAX) : SIZE_MAX;
+  // Each item is in at least one of kMaxWeight rounds.
+  const auto last_round = rounds_done + static_cast<int64_t>(kMaxWeight);
+  for (int64_t round = rounds_done; round <= last_round && !list.items.empty(); ++round) {
+    const std::vector<size_t> order = list.order(round);
+    auto item = after ? std::ranges::find(order, *after) + 1 : order.begin();
+    after.reset();
+    for (; item != order.end(); ++item)
+      if (list.items[*item].permitted(now) && list.in_round(*item, round) && *item != last)
+        return {.kind = NextItem::Kind::Item, .index = *item, .rounds_done = round};
+    if (list.rounds != kForever && round + 1 >= static_cast<int64_t>(list.rounds))
+      return {.kind = NextItem::Kind::End, .index = 0, .rounds_done = round + 1};
+    if (scheduled == 0) break;
+  }
+  return {.kind = NextItem::Kind::None, .rounds_done = rounds_done};
+}
+
+std::string reason_to_wait(const Playlist& list, LocalTime now) {
+  if (list.items.empty()) return "no file to play yet";
+  std::optional<int> wait;
+  for (const PlaylistItem& item : list.items) {
+    if (item.permitted(now)) return {};
+    const auto own = item.schedule->minutes_until_begin(now);
+    if (own) wait = std::min(wait.value_or(*own), *own);
+  }
+  if (!wait) return "no item is scheduled any more";
+  const int begin = now.minute + *wait, day = now.day + begin / kMinutesPerDay;
+  constexpr std::array<const char*, 7> kNames = {"Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"};
+  const std::string date =
+      day - now.day < 7 ? "" : to_string(DateSpan{date_of(day), date_of(day)}) + " ";
+  return fmt::format("no item is scheduled before {} {}{:02}:{:02}",
+                     kNames.at(static_cast<size_t>(LocalTime{.day = day}.weekday())), date,
+                     begin % kMinutesPerDay / 60, begin % 60);
+}
+
+// --- files ----------------------------------------------------------------------------------
 
 Playlist parse_playlist(std::string_view text, const std::string& name,
                         const std::filesystem::path& folder) {

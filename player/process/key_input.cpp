@@ -22,38 +22,6 @@ namespace {
 termios g_before{};
 std::atomic<int> g_fd{-1};
 
-}  // namespace
-
-RawTerminal::RawTerminal(int fd) {
-  LENTICULE_CHECK(g_fd.load() < 0);
-  termios raw{};
-  if (tcgetattr(fd, &raw) != 0)
-    throw failed_error("terminal: {}", std::strerror(errno))
-        .remedy("give the keys in a file: --keys FILE");
-  g_before = raw;
-  g_fd.store(fd);
-  raw.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
-  raw.c_iflag &= ~static_cast<tcflag_t>(IXON);
-  raw.c_cc[VSUSP] = _POSIX_VDISABLE;
-  raw.c_cc[VMIN] = 0;
-  raw.c_cc[VTIME] = 0;
-  if (tcsetattr(fd, TCSANOW, &raw) == 0) return;
-  const int error = errno;
-  restore_terminal_now();
-  throw failed_error("terminal: {}", std::strerror(error));
-}
-
-RawTerminal::~RawTerminal() {
-  restore_terminal_now();
-}
-
-void restore_terminal_now() noexcept {
-  const int fd = g_fd.exchange(-1);
-  if (fd >= 0) (void)tcsetattr(fd, TCSANOW, &g_before);
-}
-
-namespace {
-
 constexpr size_t kMaxScriptBytes = 1u << 20;
 
 class TerminalKeys final : public KeyInput {
@@ -138,6 +106,34 @@ std::string read_standard_input() {
 }
 
 }  // namespace
+
+RawTerminal::RawTerminal(int fd) {
+  LENTICULE_CHECK(g_fd.load() < 0);
+  termios raw{};
+  if (tcgetattr(fd, &raw) != 0)
+    throw failed_error("terminal: {}", std::strerror(errno))
+        .remedy("give the keys in a file: --keys FILE");
+  g_before = raw;
+  g_fd.store(fd);
+  raw.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
+  raw.c_iflag &= ~static_cast<tcflag_t>(IXON);
+  raw.c_cc[VSUSP] = _POSIX_VDISABLE;
+  raw.c_cc[VMIN] = 0;
+  raw.c_cc[VTIME] = 0;
+  if (tcsetattr(fd, TCSANOW, &raw) == 0) return;
+  const int error = errno;
+  restore_terminal_now();
+  throw failed_error("terminal: {}", std::strerror(error));
+}
+
+RawTerminal::~RawTerminal() {
+  restore_terminal_now();
+}
+
+void restore_terminal_now() noexcept {
+  const int fd = g_fd.exchange(-1);
+  if (fd >= 0) (void)tcsetattr(fd, TCSANOW, &g_before);
+}
 
 std::unique_ptr<KeyInput> open_key_input(const std::string& script) {
   if (!script.empty())

@@ -41,50 +41,6 @@ int64_t time_of(std::tm time) {
   return static_cast<int64_t>(std::mktime(&time)) * kMicroseconds;
 }
 
-}  // namespace
-
-std::string worse_exactness(const std::string& a, const std::string& b) {
-  const auto rank = [](std::string_view verdict) {
-    return verdict == "no" ? 3 : verdict == "cannot tell" ? 2 : verdict == "yes" ? 1 : 0;
-  };
-  return rank(a) >= rank(b) ? a : b;
-}
-
-std::string writer_of(const ProofOrigin& origin) {
-  if (origin.unit.ends_with(".service") && !origin.unit.starts_with("user@")) return origin.unit;
-  return fmt::format("user {}: {}", origin.user.empty() ? "unknown" : origin.user,
-                     origin.program.empty() ? "unknown program" : origin.program);
-}
-
-std::string local_day(int64_t time_us) {
-  return formatted(time_us, "%Y-%m-%d");
-}
-
-std::string local_time(int64_t time_us) {
-  return formatted(time_us, "%Y-%m-%d %H:%M:%S %Z");
-}
-
-std::optional<int64_t> parse_local_time(std::string_view text, int64_t now_us) {
-  std::tm time = local(now_us);
-  if (text == "today" || text == "yesterday")
-    return time_of({.tm_mday = time.tm_mday - (text == "today" ? 0 : 1),
-                    .tm_mon = time.tm_mon,
-                    .tm_year = time.tm_year});
-  const std::string whole(text);
-  for (const std::string_view format : {"%Y-%m-%d", "%Y-%m-%d %H:%M", "%Y-%m-%d %H:%M:%S"}) {
-    time = {};
-    const char* const end = strptime(whole.c_str(), format.data(), &time);
-    if (end == nullptr || *end != '\0') continue;
-    // Digits must not be missing, and the day must exist; a time of day may not, in spring.
-    const int64_t time_us = time_of(time);
-    const bool is_whole = text.size() == formatted(time_us, format.data()).size();
-    if (time_us > 0 && is_whole && text.starts_with(local_day(time_us))) return time_us;
-  }
-  return std::nullopt;
-}
-
-namespace {
-
 using nlohmann::ordered_json;
 using Cells = std::vector<std::string>;
 
@@ -162,70 +118,6 @@ ordered_json counts_of(const ReportRow& row) {
   return json;
 }
 
-}  // namespace
-
-ordered_json to_json(const ProofSummary& summary) {
-  ordered_json json = {{"rows", ordered_json::array()},
-                       {"total", counts_of(summary.total)},
-                       {"playing", ordered_json::array()},
-                       {"without_end", ordered_json::array()},
-                       {"ignored_entries", summary.ignored}};
-  for (const ReportRow& row : summary.rows) {
-    ordered_json one = {{"day", row.day}, {"item", row.item}, {"hashes", row.hashes}};
-    one.update(counts_of(row));
-    one["panel"] = row.panel;
-    one["unit"] = row.unit;
-    json["rows"].push_back(std::move(one));
-  }
-  for (const UnendedTurn& turn : summary.unended)
-    json[turn.running ? "playing" : "without_end"].push_back(
-        {{"item", turn.item},
-         {"panel", turn.panel},
-         {"unit", turn.unit},
-         {"counted_until", local_time(turn.counted_until_us)},
-         {"counted_until_usec", turn.counted_until_us}});
-  return json;
-}
-
-std::string table_text(const ProofSummary& summary) {
-  if (summary.rows.empty() && summary.unended.empty() && summary.ignored == 0)
-    return "no plays are recorded for this time\n";
-  std::string text;
-  if (!summary.rows.empty()) {
-    std::vector<Cells> rows = {{"day", "item", "plays", "whole", "interrupted", "frames", "missed",
-                                "damaged", "heard s", "silent s", "exactness", "panel", "unit"}};
-    for (const ReportRow& row : summary.rows) rows.push_back(cells_of(row));
-    ReportRow total = summary.total;
-    total.day = "total";
-    rows.push_back(cells_of(total));
-    text = table_of(rows);
-  }
-  for (const UnendedTurn& turn : summary.unended) text += note_of(turn);
-  if (summary.total.unseen > 0)
-    text += fmt::format("unseen: {} more frames were sent while no panel displayed them\n",
-                        summary.total.unseen);
-  if (summary.ignored > 0)
-    text += fmt::format("ignored: {} entries with missing or wrong fields\n", summary.ignored);
-  return text;
-}
-
-std::string csv_text(const ProofSummary& summary) {
-  std::string text =
-      "day,item,hashes,plays,whole,interrupted,frames,unseen,missed,damaged,exactness,panel,unit,"
-      "heard_s,silent_s,sound_devices\n";
-  for (const ReportRow& row : summary.rows)
-    text +=
-        fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", row.day,
-                    csv_cell(row.item), csv_cell(fmt::format("{}", fmt::join(row.hashes, " "))),
-                    row.plays(), row.whole, row.interrupted, row.frames, row.unseen, row.missed,
-                    row.damaged, csv_cell(row.exactness), csv_cell(row.panel), csv_cell(row.unit),
-                    seconds_text(row, row.heard_ms), seconds_text(row, row.silent_ms),
-                    csv_cell(fmt::format("{}", fmt::join(row.sound_devices, " "))));
-  return text;
-}
-
-namespace {
-
 using Journal = std::unique_ptr<sd_journal, decltype(&sd_journal_close)>;
 
 constexpr size_t kMostFieldBytes = size_t{1} << 16;
@@ -294,6 +186,106 @@ JournalEntry entry_of(sd_journal* journal) {
 }
 
 }  // namespace
+
+std::string worse_exactness(const std::string& a, const std::string& b) {
+  const auto rank = [](std::string_view verdict) {
+    return verdict == "no" ? 3 : verdict == "cannot tell" ? 2 : verdict == "yes" ? 1 : 0;
+  };
+  return rank(a) >= rank(b) ? a : b;
+}
+
+std::string writer_of(const ProofOrigin& origin) {
+  if (origin.unit.ends_with(".service") && !origin.unit.starts_with("user@")) return origin.unit;
+  return fmt::format("user {}: {}", origin.user.empty() ? "unknown" : origin.user,
+                     origin.program.empty() ? "unknown program" : origin.program);
+}
+
+std::string local_day(int64_t time_us) {
+  return formatted(time_us, "%Y-%m-%d");
+}
+
+std::string local_time(int64_t time_us) {
+  return formatted(time_us, "%Y-%m-%d %H:%M:%S %Z");
+}
+
+std::optional<int64_t> parse_local_time(std::string_view text, int64_t now_us) {
+  std::tm time = local(now_us);
+  if (text == "today" || text == "yesterday")
+    return time_of({.tm_mday = time.tm_mday - (text == "today" ? 0 : 1),
+                    .tm_mon = time.tm_mon,
+                    .tm_year = time.tm_year});
+  const std::string whole(text);
+  for (const std::string_view format : {"%Y-%m-%d", "%Y-%m-%d %H:%M", "%Y-%m-%d %H:%M:%S"}) {
+    time = {};
+    const char* const end = strptime(whole.c_str(), format.data(), &time);
+    if (end == nullptr || *end != '\0') continue;
+    // Digits must not be missing, and the day must exist; a time of day may not, in spring.
+    const int64_t time_us = time_of(time);
+    const bool is_whole = text.size() == formatted(time_us, format.data()).size();
+    if (time_us > 0 && is_whole && text.starts_with(local_day(time_us))) return time_us;
+  }
+  return std::nullopt;
+}
+
+ordered_json to_json(const ProofSummary& summary) {
+  ordered_json json = {{"rows", ordered_json::array()},
+                       {"total", counts_of(summary.total)},
+                       {"playing", ordered_json::array()},
+                       {"without_end", ordered_json::array()},
+                       {"ignored_entries", summary.ignored}};
+  for (const ReportRow& row : summary.rows) {
+    ordered_json one = {{"day", row.day}, {"item", row.item}, {"hashes", row.hashes}};
+    one.update(counts_of(row));
+    one["panel"] = row.panel;
+    one["unit"] = row.unit;
+    json["rows"].push_back(std::move(one));
+  }
+  for (const UnendedTurn& turn : summary.unended)
+    json[turn.running ? "playing" : "without_end"].push_back(
+        {{"item", turn.item},
+         {"panel", turn.panel},
+         {"unit", turn.unit},
+         {"counted_until", local_time(turn.counted_until_us)},
+         {"counted_until_usec", turn.counted_until_us}});
+  return json;
+}
+
+std::string table_text(const ProofSummary& summary) {
+  if (summary.rows.empty() && summary.unended.empty() && summary.ignored == 0)
+    return "no plays are recorded for this time\n";
+  std::string text;
+  if (!summary.rows.empty()) {
+    std::vector<Cells> rows = {{"day", "item", "plays", "whole", "interrupted", "frames", "missed",
+                                "damaged", "heard s", "silent s", "exactness", "panel", "unit"}};
+    for (const ReportRow& row : summary.rows) rows.push_back(cells_of(row));
+    ReportRow total = summary.total;
+    total.day = "total";
+    rows.push_back(cells_of(total));
+    text = table_of(rows);
+  }
+  for (const UnendedTurn& turn : summary.unended) text += note_of(turn);
+  if (summary.total.unseen > 0)
+    text += fmt::format("unseen: {} more frames were sent while no panel displayed them\n",
+                        summary.total.unseen);
+  if (summary.ignored > 0)
+    text += fmt::format("ignored: {} entries with missing or wrong fields\n", summary.ignored);
+  return text;
+}
+
+std::string csv_text(const ProofSummary& summary) {
+  std::string text =
+      "day,item,hashes,plays,whole,interrupted,frames,unseen,missed,damaged,exactness,panel,unit,"
+      "heard_s,silent_s,sound_devices\n";
+  for (const ReportRow& row : summary.rows)
+    text +=
+        fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", row.day,
+                    csv_cell(row.item), csv_cell(fmt::format("{}", fmt::join(row.hashes, " "))),
+                    row.plays(), row.whole, row.interrupted, row.frames, row.unseen, row.missed,
+                    row.damaged, csv_cell(row.exactness), csv_cell(row.panel), csv_cell(row.unit),
+                    seconds_text(row, row.heard_ms), seconds_text(row, row.silent_ms),
+                    csv_cell(fmt::format("{}", fmt::join(row.sound_devices, " "))));
+  return text;
+}
 
 void read_proof(const JournalPlace& place, const std::function<void(const JournalEntry&)>& take) {
   const Journal journal = open_journal(place);

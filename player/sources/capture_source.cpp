@@ -36,6 +36,167 @@ constexpr int64_t kPixelsOfThread = int64_t{1} << 20;
 constexpr int kMostThreads = 4;
 constexpr int kMostAcquired = 4;
 
+/// CaptureFeed captures on a thread and keeps the newest picture. Thread safety: any thread.
+class CaptureFeed {
+ public:
+  struct Picture {
+    frames::WovenFrame frame;
+    uint64_t number = 0;  ///< counts from 1
+    Nanoseconds captured{0};
+  };
+
+  CaptureFeed(const CaptureSpec& spec, const frames::FrameGeometry& panel, V4l2System& system)
+      : cameras_(std::make_unique<LiveCameras>(spec, panel, system, *statistics_)),
+        geometry_(cameras_->geometry()),
+        rate_(cameras_->rate()) {
+    thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  }
+
+  [[nodiscard]] frames::FrameGeometry geometry() const { return geometry_; }
+  [[nodiscard]] std::optional<frames::Rate> rate() const { return rate_; }
+  [[nodiscard]] const std::shared_ptr<CaptureStatistics>& statistics() const { return statistics_; }
+  /// Returns the newest picture if it is newer than that; null otherwise.
+  [[nodiscard]] std::shared_ptr<const Picture> newer_than(uint64_t number) {
+    const std::lock_guard lock(mutex_);
+    if (!newest_ || newest_->number <= number) return nullptr;
+    used_ = true;
+    return newest_;
+  }
+  void give_back(std::shared_ptr<const Picture>& picture) {
+    const std::lock_guard lock(mutex_);
+    picture.reset();
+  }
+  [[nodiscard]] std::string failure() const {
+    const std::lock_guard lock(mutex_);
+    return failure_;
+  }
+  /// Signals `wake` at each picture and at a failure, until forget().
+  void listen(WakeFd& wake) {
+    const std::lock_guard lock(mutex_);
+    listeners_.push_back(&wake);
+  }
+  void forget(WakeFd& wake) {
+    const std::lock_guard lock(mutex_);
+    std::erase(listeners_, &wake);
+  }
+
+ private:
+  void run(const std::stop_token& stop) noexcept {
+    std::string failure;
+    try {
+      while (!stop.stop_requested()) {
+        const std::shared_ptr<Picture> picture = unused_picture();
+        const GrabStatus status = cameras_->next(picture->frame, picture->captured, kLongestWait);
+        if (status == GrabStatus::Gone) throw Error(ErrorKind::Device, cameras_->failure());
+        if (status == GrabStatus::Ready) publish(picture);
+      }
+      return;
+    } catch (const std::exception& error) {
+      failure = error.what();
+    }
+    cameras_.reset();  // another attempt may open the devices at once
+    const std::lock_guard lock(mutex_);
+    failure_ = std::move(failure);
+    for (WakeFd* const wake : listeners_) wake->signal();
+  }
+  /// Returns a picture that no other thread refers to. The sources limit their number.
+  [[nodiscard]] std::shared_ptr<Picture> unused_picture() {
+    const std::lock_guard lock(mutex_);
+    for (const auto& picture : pool_)
+      if (picture.use_count() == 1) return picture;
+    pool_.push_back(std::make_shared<Picture>());
+    pool_.back()->frame = frames::WovenFrame(geometry_);
+    return pool_.back();
+  }
+  void publish(const std::shared_ptr<Picture>& picture) {
+    const std::lock_guard lock(mutex_);
+    if (newest_ && !used_) statistics_->superseded.add();
+    picture->number = ++published_;
+    newest_ = picture;
+    used_ = false;
+    for (WakeFd* const wake : listeners_) wake->signal();
+  }
+
+  const std::shared_ptr<CaptureStatistics> statistics_ = std::make_shared<CaptureStatistics>();
+  std::unique_ptr<LiveCameras> cameras_;  ///< used by the thread
+  const frames::FrameGeometry geometry_;
+  const std::optional<frames::Rate> rate_;
+  mutable std::mutex mutex_;  ///< guards the members below
+  std::vector<std::shared_ptr<Picture>> pool_;
+  std::shared_ptr<const Picture> newest_;
+  bool used_ = false;  ///< a source has taken the newest picture
+  uint64_t published_ = 0;
+  std::string failure_;
+  std::vector<WakeFd*> listeners_;
+  std::jthread thread_;  // last member: the thread uses everything above
+};
+
+/// Returns the feed of that name; a driver lends a camera only once, and a list may show it twice
+/// in a row.
+std::shared_ptr<CaptureFeed> feed_of(const std::string& text, const frames::FrameGeometry& panel,
+                                     V4l2System& system) {
+  static std::mutex mutex;
+  static std::map<std::string, std::weak_ptr<CaptureFeed>> feeds;
+  const CaptureSpec spec = parse_capture(text);
+  const std::lock_guard lock(mutex);
+  std::erase_if(feeds, [](const auto& feed) { return feed.second.expired(); });
+  const auto known = feeds.find(text);
+  if (known != feeds.end())
+    if (auto feed = known->second.lock(); feed && feed->failure().empty()) return feed;
+  auto feed = std::make_shared<CaptureFeed>(spec, panel, system);
+  feeds[text] = feed;
+  return feed;
+}
+
+class CaptureSource final : public frames::FrameSource {
+ public:
+  explicit CaptureSource(std::shared_ptr<CaptureFeed> feed) : feed_(std::move(feed)) {
+    feed_->listen(wake_);
+  }
+  ~CaptureSource() override {
+    feed_->forget(wake_);
+    for (auto& [token, picture] : acquired_) feed_->give_back(picture);
+  }
+  CaptureSource(const CaptureSource&) = delete;
+  CaptureSource& operator=(const CaptureSource&) = delete;
+
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return feed_->geometry(); }
+  [[nodiscard]] std::optional<frames::Rate> rate() const override { return feed_->rate(); }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return std::nullopt; }
+  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
+    if (!feed_->failure().empty()) return frames::PullStatus::Failed;
+    auto picture = feed_->newer_than(last_);
+    if (!picture) return frames::PullStatus::NotYet;
+    last_ = picture->number;
+    out = {.frame = picture->frame.view(),
+           .number = last_ - 1,
+           .token = last_,
+           .captured_ns = picture->captured.count()};
+    acquired_[last_] = std::move(picture);
+    return frames::PullStatus::Ready;
+  }
+  void release(uint64_t token) override {
+    const auto picture = acquired_.find(token);
+    LENTICULE_CHECK(picture != acquired_.end());
+    feed_->give_back(picture->second);
+    acquired_.erase(picture);
+  }
+  [[nodiscard]] int max_acquired() const override { return kMostAcquired; }
+  [[nodiscard]] uint64_t ready_count() const override { return 0; }
+  [[nodiscard]] bool saturated() const override { return true; }
+  [[nodiscard]] bool rewind() override { return false; }
+  [[nodiscard]] int wake_fd() const override { return wake_.fd(); }
+  void service() override { wake_.drain(); }
+  [[nodiscard]] std::string failure() const override { return feed_->failure(); }
+  [[nodiscard]] bool waits_for_others() const override { return true; }
+
+ private:
+  WakeFd wake_;
+  const std::shared_ptr<CaptureFeed> feed_;
+  std::map<uint64_t, std::shared_ptr<const CaptureFeed::Picture>> acquired_;
+  uint64_t last_ = 0;  ///< number of the picture pulled last
+};
+
 }  // namespace
 
 nlohmann::ordered_json to_json(const CaptureStatistics& statistics) {
@@ -265,171 +426,6 @@ GrabStatus LiveCameras::gone(const Camera& camera, const std::string& why) {
 }
 
 // --- a thread that captures, and the sources that show its pictures ---------------------------
-
-namespace {
-
-/// CaptureFeed captures on a thread and keeps the newest picture. Thread safety: any thread.
-class CaptureFeed {
- public:
-  struct Picture {
-    frames::WovenFrame frame;
-    uint64_t number = 0;  ///< counts from 1
-    Nanoseconds captured{0};
-  };
-
-  CaptureFeed(const CaptureSpec& spec, const frames::FrameGeometry& panel, V4l2System& system)
-      : cameras_(std::make_unique<LiveCameras>(spec, panel, system, *statistics_)),
-        geometry_(cameras_->geometry()),
-        rate_(cameras_->rate()) {
-    thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
-  }
-
-  [[nodiscard]] frames::FrameGeometry geometry() const { return geometry_; }
-  [[nodiscard]] std::optional<frames::Rate> rate() const { return rate_; }
-  [[nodiscard]] const std::shared_ptr<CaptureStatistics>& statistics() const { return statistics_; }
-  /// Returns the newest picture if it is newer than that; null otherwise.
-  [[nodiscard]] std::shared_ptr<const Picture> newer_than(uint64_t number) {
-    const std::lock_guard lock(mutex_);
-    if (!newest_ || newest_->number <= number) return nullptr;
-    used_ = true;
-    return newest_;
-  }
-  void give_back(std::shared_ptr<const Picture>& picture) {
-    const std::lock_guard lock(mutex_);
-    picture.reset();
-  }
-  [[nodiscard]] std::string failure() const {
-    const std::lock_guard lock(mutex_);
-    return failure_;
-  }
-  /// Signals `wake` at each picture and at a failure, until forget().
-  void listen(WakeFd& wake) {
-    const std::lock_guard lock(mutex_);
-    listeners_.push_back(&wake);
-  }
-  void forget(WakeFd& wake) {
-    const std::lock_guard lock(mutex_);
-    std::erase(listeners_, &wake);
-  }
-
- private:
-  void run(const std::stop_token& stop) noexcept {
-    std::string failure;
-    try {
-      while (!stop.stop_requested()) {
-        const std::shared_ptr<Picture> picture = unused_picture();
-        const GrabStatus status = cameras_->next(picture->frame, picture->captured, kLongestWait);
-        if (status == GrabStatus::Gone) throw Error(ErrorKind::Device, cameras_->failure());
-        if (status == GrabStatus::Ready) publish(picture);
-      }
-      return;
-    } catch (const std::exception& error) {
-      failure = error.what();
-    }
-    cameras_.reset();  // another attempt may open the devices at once
-    const std::lock_guard lock(mutex_);
-    failure_ = std::move(failure);
-    for (WakeFd* const wake : listeners_) wake->signal();
-  }
-  /// Returns a picture that no other thread refers to. The sources limit their number.
-  [[nodiscard]] std::shared_ptr<Picture> unused_picture() {
-    const std::lock_guard lock(mutex_);
-    for (const auto& picture : pool_)
-      if (picture.use_count() == 1) return picture;
-    pool_.push_back(std::make_shared<Picture>());
-    pool_.back()->frame = frames::WovenFrame(geometry_);
-    return pool_.back();
-  }
-  void publish(const std::shared_ptr<Picture>& picture) {
-    const std::lock_guard lock(mutex_);
-    if (newest_ && !used_) statistics_->superseded.add();
-    picture->number = ++published_;
-    newest_ = picture;
-    used_ = false;
-    for (WakeFd* const wake : listeners_) wake->signal();
-  }
-
-  const std::shared_ptr<CaptureStatistics> statistics_ = std::make_shared<CaptureStatistics>();
-  std::unique_ptr<LiveCameras> cameras_;  ///< used by the thread
-  const frames::FrameGeometry geometry_;
-  const std::optional<frames::Rate> rate_;
-  mutable std::mutex mutex_;  ///< guards the members below
-  std::vector<std::shared_ptr<Picture>> pool_;
-  std::shared_ptr<const Picture> newest_;
-  bool used_ = false;  ///< a source has taken the newest picture
-  uint64_t published_ = 0;
-  std::string failure_;
-  std::vector<WakeFd*> listeners_;
-  std::jthread thread_;  // last member: the thread uses everything above
-};
-
-/// Returns the feed of that name; a driver lends a camera only once, and a list may show it twice
-/// in a row.
-std::shared_ptr<CaptureFeed> feed_of(const std::string& text, const frames::FrameGeometry& panel,
-                                     V4l2System& system) {
-  static std::mutex mutex;
-  static std::map<std::string, std::weak_ptr<CaptureFeed>> feeds;
-  const CaptureSpec spec = parse_capture(text);
-  const std::lock_guard lock(mutex);
-  std::erase_if(feeds, [](const auto& feed) { return feed.second.expired(); });
-  const auto known = feeds.find(text);
-  if (known != feeds.end())
-    if (auto feed = known->second.lock(); feed && feed->failure().empty()) return feed;
-  auto feed = std::make_shared<CaptureFeed>(spec, panel, system);
-  feeds[text] = feed;
-  return feed;
-}
-
-class CaptureSource final : public frames::FrameSource {
- public:
-  explicit CaptureSource(std::shared_ptr<CaptureFeed> feed) : feed_(std::move(feed)) {
-    feed_->listen(wake_);
-  }
-  ~CaptureSource() override {
-    feed_->forget(wake_);
-    for (auto& [token, picture] : acquired_) feed_->give_back(picture);
-  }
-  CaptureSource(const CaptureSource&) = delete;
-  CaptureSource& operator=(const CaptureSource&) = delete;
-
-  [[nodiscard]] frames::FrameGeometry geometry() const override { return feed_->geometry(); }
-  [[nodiscard]] std::optional<frames::Rate> rate() const override { return feed_->rate(); }
-  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return std::nullopt; }
-  [[nodiscard]] frames::PullStatus pull(frames::AcquiredFrame& out) override {
-    if (!feed_->failure().empty()) return frames::PullStatus::Failed;
-    auto picture = feed_->newer_than(last_);
-    if (!picture) return frames::PullStatus::NotYet;
-    last_ = picture->number;
-    out = {.frame = picture->frame.view(),
-           .number = last_ - 1,
-           .token = last_,
-           .captured_ns = picture->captured.count()};
-    acquired_[last_] = std::move(picture);
-    return frames::PullStatus::Ready;
-  }
-  void release(uint64_t token) override {
-    const auto picture = acquired_.find(token);
-    LENTICULE_CHECK(picture != acquired_.end());
-    feed_->give_back(picture->second);
-    acquired_.erase(picture);
-  }
-  [[nodiscard]] int max_acquired() const override { return kMostAcquired; }
-  [[nodiscard]] uint64_t ready_count() const override { return 0; }
-  [[nodiscard]] bool saturated() const override { return true; }
-  [[nodiscard]] bool rewind() override { return false; }
-  [[nodiscard]] int wake_fd() const override { return wake_.fd(); }
-  void service() override { wake_.drain(); }
-  [[nodiscard]] std::string failure() const override { return feed_->failure(); }
-  [[nodiscard]] bool waits_for_others() const override { return true; }
-
- private:
-  WakeFd wake_;
-  const std::shared_ptr<CaptureFeed> feed_;
-  std::map<uint64_t, std::shared_ptr<const CaptureFeed::Picture>> acquired_;
-  uint64_t last_ = 0;  ///< number of the picture pulled last
-};
-
-}  // namespace
 
 OpenedCapture open_capture(const std::string& text, const frames::FrameGeometry& panel,
                            V4l2System& system) {

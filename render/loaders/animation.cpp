@@ -50,30 +50,6 @@ Camera pose(const std::vector<double>& n, double vertical_fov_degrees, const Tex
   return camera;
 }
 
-}  // namespace
-
-std::vector<Camera> parse_camera_path(std::string_view text, const std::string& source) {
-  TextReader reader(text, source);
-  std::vector<Camera> path;
-  while (!reader.at_end()) {
-    const std::vector<double> numbers = line_of_numbers(reader);
-    const double fov =
-        numbers.size() > kNumbersOfAPose ? numbers.back() : Camera{}.vertical_fov_degrees;
-    if (fov < 1e-3 || fov > 179.0)
-      reader.fail(fmt::format("field of view of {:g} degrees: not in 0.001 ... 179", fov));
-    if (path.size() == kMaxPoses) reader.fail(fmt::format("more than {} poses", kMaxPoses));
-    path.push_back(pose(numbers, fov, reader));
-  }
-  if (path.empty()) throw input_error("{}: the camera path contains no pose", source);
-  return path;
-}
-
-std::vector<Camera> load_camera_path(const std::filesystem::path& file) {
-  return parse_camera_path(text_of(read_whole_file(file, kMaxPathFileBytes)), file.string());
-}
-
-namespace {
-
 using Quaternion = std::array<double, 4>;
 
 Quaternion unit(const Quaternion& q) {
@@ -316,6 +292,26 @@ bool moves(const Object& object, const SceneDescription&, const std::vector<bool
 }
 
 }  // namespace
+
+std::vector<Camera> parse_camera_path(std::string_view text, const std::string& source) {
+  TextReader reader(text, source);
+  std::vector<Camera> path;
+  while (!reader.at_end()) {
+    const std::vector<double> numbers = line_of_numbers(reader);
+    const double fov =
+        numbers.size() > kNumbersOfAPose ? numbers.back() : Camera{}.vertical_fov_degrees;
+    if (fov < 1e-3 || fov > 179.0)
+      reader.fail(fmt::format("field of view of {:g} degrees: not in 0.001 ... 179", fov));
+    if (path.size() == kMaxPoses) reader.fail(fmt::format("more than {} poses", kMaxPoses));
+    path.push_back(pose(numbers, fov, reader));
+  }
+  if (path.empty()) throw input_error("{}: the camera path contains no pose", source);
+  return path;
+}
+
+std::vector<Camera> load_camera_path(const std::filesystem::path& file) {
+  return parse_camera_path(text_of(read_whole_file(file, kMaxPathFileBytes)), file.string());
+}
 
 Affine compose(Vec3 translation, const Quaternion& rotation, Vec3 scale) {
   const auto [x, y, z, w] = unit(rotation);

@@ -40,22 +40,6 @@ constexpr std::array<AxisTurn, 6> kAxes{{
     {"-z", UpAxis::MinusZ, {{1, 0, 0}, {0, 0, 1}, {0, -1, 0}, {}}},
 }};
 
-}  // namespace
-
-UpAxis up_axis_named(const std::string& name) {
-  const auto* const found = std::ranges::find(kAxes, name, &AxisTurn::name);
-  if (found == kAxes.end())
-    throw usage_error("--up '{}': not an axis", name).remedy("axes are x, y, z, -x, -y and -z");
-  return found->axis;
-}
-
-void turn_upright(SceneDescription& scene, UpAxis up) {
-  if (up == UpAxis::Y) return;
-  transform_scene(scene, std::ranges::find(kAxes, up, &AxisTurn::axis)->turn);
-}
-
-namespace {
-
 /// Habit of a format that does not state which axis points up.
 struct UpHabit {
   std::string_view extension;
@@ -156,6 +140,18 @@ SceneDescription load(const std::filesystem::path& file, const std::string& exte
 std::atomic<const SceneReader*> chosen_reader{nullptr};
 
 }  // namespace
+
+UpAxis up_axis_named(const std::string& name) {
+  const auto* const found = std::ranges::find(kAxes, name, &AxisTurn::name);
+  if (found == kAxes.end())
+    throw usage_error("--up '{}': not an axis", name).remedy("axes are x, y, z, -x, -y and -z");
+  return found->axis;
+}
+
+void turn_upright(SceneDescription& scene, UpAxis up) {
+  if (up == UpAxis::Y) return;
+  transform_scene(scene, std::ranges::find(kAxes, up, &AxisTurn::axis)->turn);
+}
 
 void use_scene_reader(const SceneReader* reader) noexcept {
   chosen_reader.store(reader);

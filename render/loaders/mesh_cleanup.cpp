@@ -189,36 +189,6 @@ Triangulation fan(size_t corners) {
   return result;
 }
 
-}  // namespace
-
-Vec3 polygon_area_vector(std::span<const Vec3> corners) {
-  Vec3 sum;
-  for (size_t i = 1; i + 1 < corners.size(); ++i)
-    sum += cross(corners[i] - corners[0], corners[i + 1] - corners[0]);
-  return sum;
-}
-
-Triangulation triangulate(std::span<const Vec3> corners) {
-  const std::vector<uint32_t> kept = distinct_corners(corners);
-  if (kept.size() < 3) return {};
-  const Vec3 normal = polygon_area_vector(corners);
-  const Box bounds = box_of(corners);
-  const double extent = largest(bounds.high - bounds.low);
-  constexpr double kFlat = 1e-14;
-  if (!(length(normal) > kFlat * extent * extent)) return {};
-
-  std::vector<Vec2> points;
-  points.reserve(kept.size());
-  for (const uint32_t i : kept) points.push_back(project(corners[i] - corners[0], normal));
-  Triangulation result =
-      is_convex(points) ? fan(points.size()) : EarClipper(std::move(points)).run();
-  for (auto& triangle : result.triangles)
-    for (uint32_t& corner : triangle) corner = kept[corner];
-  return result;
-}
-
-namespace {
-
 using Triangle = std::array<uint32_t, 3>;
 
 /// Returns twice the area times the unit normal.
@@ -241,41 +211,6 @@ std::vector<Vec3> face_means(const TriangleMesh& mesh) {
     for (const uint32_t corner : t) sums[corner] += area_vector(mesh, t);
   return sums;
 }
-
-}  // namespace
-
-MeshRepairs& MeshRepairs::operator+=(const MeshRepairs& others) {
-  dropped_triangles += others.dropped_triangles;
-  recomputed_normals += others.recomputed_normals;
-  return *this;
-}
-
-void MeshRepairs::write(SceneDescription& scene) const {
-  if (dropped_triangles > 0)
-    scene.notes.push_back(fmt::format("{} triangles without an area dropped", dropped_triangles));
-  if (recomputed_normals > 0)
-    scene.notes.push_back(fmt::format("{} unusable normals recomputed", recomputed_normals));
-}
-
-MeshRepairs clean(TriangleMesh& mesh) {
-  MeshRepairs repairs;
-  repairs.dropped_triangles =
-      std::erase_if(mesh.triangles, [&](const Triangle& t) { return !has_area(mesh, t); });
-  std::vector<Vec3> means;
-  for (size_t i = 0; i < mesh.normals.size(); ++i) {
-    Vec3& normal = mesh.normals[i];
-    normal = normalized(normal);
-    if (is_unit(normal)) continue;
-    if (means.empty()) means = face_means(mesh);
-    normal = normalized(means[i]);
-    // A vertex without faces, or with faces that cancel: any direction is valid.
-    if (!is_unit(normal)) normal = {0, 0, 1};
-    ++repairs.recomputed_normals;
-  }
-  return repairs;
-}
-
-namespace {
 
 using Uv = std::array<float, 2>;
 using Uvs = std::vector<Uv>;
@@ -310,21 +245,6 @@ void select_vertices(TriangleMesh& mesh, const std::vector<uint32_t>& from) {
   }
   mesh.deformation = std::move(deformation);
 }
-
-}  // namespace
-
-void split_vertices(TriangleMesh& mesh) {
-  std::vector<uint32_t> from;
-  from.reserve(mesh.triangles.size() * 3);
-  for (auto& triangle : mesh.triangles) {
-    const auto first = static_cast<uint32_t>(from.size());
-    from.insert(from.end(), triangle.begin(), triangle.end());
-    triangle = {first, first + 1, first + 2};
-  }
-  select_vertices(mesh, from);
-}
-
-namespace {
 
 /// Gives every triangle its own vertices, with the normal of its face.
 void make_flat(TriangleMesh& mesh) {
@@ -414,6 +334,74 @@ class TangentSums {
 };
 
 }  // namespace
+
+Vec3 polygon_area_vector(std::span<const Vec3> corners) {
+  Vec3 sum;
+  for (size_t i = 1; i + 1 < corners.size(); ++i)
+    sum += cross(corners[i] - corners[0], corners[i + 1] - corners[0]);
+  return sum;
+}
+
+Triangulation triangulate(std::span<const Vec3> corners) {
+  const std::vector<uint32_t> kept = distinct_corners(corners);
+  if (kept.size() < 3) return {};
+  const Vec3 normal = polygon_area_vector(corners);
+  const Box bounds = box_of(corners);
+  const double extent = largest(bounds.high - bounds.low);
+  constexpr double kFlat = 1e-14;
+  if (!(length(normal) > kFlat * extent * extent)) return {};
+
+  std::vector<Vec2> points;
+  points.reserve(kept.size());
+  for (const uint32_t i : kept) points.push_back(project(corners[i] - corners[0], normal));
+  Triangulation result =
+      is_convex(points) ? fan(points.size()) : EarClipper(std::move(points)).run();
+  for (auto& triangle : result.triangles)
+    for (uint32_t& corner : triangle) corner = kept[corner];
+  return result;
+}
+
+MeshRepairs& MeshRepairs::operator+=(const MeshRepairs& others) {
+  dropped_triangles += others.dropped_triangles;
+  recomputed_normals += others.recomputed_normals;
+  return *this;
+}
+
+void MeshRepairs::write(SceneDescription& scene) const {
+  if (dropped_triangles > 0)
+    scene.notes.push_back(fmt::format("{} triangles without an area dropped", dropped_triangles));
+  if (recomputed_normals > 0)
+    scene.notes.push_back(fmt::format("{} unusable normals recomputed", recomputed_normals));
+}
+
+MeshRepairs clean(TriangleMesh& mesh) {
+  MeshRepairs repairs;
+  repairs.dropped_triangles =
+      std::erase_if(mesh.triangles, [&](const Triangle& t) { return !has_area(mesh, t); });
+  std::vector<Vec3> means;
+  for (size_t i = 0; i < mesh.normals.size(); ++i) {
+    Vec3& normal = mesh.normals[i];
+    normal = normalized(normal);
+    if (is_unit(normal)) continue;
+    if (means.empty()) means = face_means(mesh);
+    normal = normalized(means[i]);
+    // A vertex without faces, or with faces that cancel: any direction is valid.
+    if (!is_unit(normal)) normal = {0, 0, 1};
+    ++repairs.recomputed_normals;
+  }
+  return repairs;
+}
+
+void split_vertices(TriangleMesh& mesh) {
+  std::vector<uint32_t> from;
+  from.reserve(mesh.triangles.size() * 3);
+  for (auto& triangle : mesh.triangles) {
+    const auto first = static_cast<uint32_t>(from.size());
+    from.insert(from.end(), triangle.begin(), triangle.end());
+    triangle = {first, first + 1, first + 2};
+  }
+  select_vertices(mesh, from);
+}
 
 void compute_tangents(TriangleMesh& mesh, bool use_second_uvs) {
   const auto has_uvs = [&] { return !(use_second_uvs ? mesh.uvs2 : mesh.uvs).empty(); };

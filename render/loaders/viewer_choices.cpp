@@ -24,6 +24,36 @@ std::string listed(const std::string& kind, const std::vector<std::string>& name
   return text;
 }
 
+/// Total irradiance by all lights of a white surface at the scene's centre that faces each light.
+constexpr double kMiddleIrradiance = 1.3;
+
+/// Returns the scene's lights as placed at time 0.
+std::vector<Light> placed_lights(const SceneDescription& scene) {
+  SceneDescription lights_only;
+  lights_only.nodes = scene.nodes;
+  lights_only.lights = scene.lights;
+  return at_time(lights_only, 0.0).lights;
+}
+
+double irradiance(const Light& light, Vec3 middle, double nearest) {
+  const double strength = std::max({light.colour.x, light.colour.y, light.colour.z});
+  if (!light.falls_off) return strength;
+  // A light inside the scene must not count as infinitely near to the centre.
+  const double distance = std::max(length(light.position - middle), nearest);
+  return distance > 0.0 ? strength / (distance * distance) : 0.0;
+}
+
+constexpr double kNarrowestDegrees = 1e-3;
+constexpr double kWidestDegrees = 179.0;
+
+/// Returns the camera as placed at time 0.
+Camera placed(const Camera& camera, const SceneDescription& scene) {
+  SceneDescription only;
+  only.nodes = scene.nodes;
+  only.cameras = {camera};
+  return at_time(only, 0.0).cameras.front();
+}
+
 }  // namespace
 
 Selection select(const std::vector<std::string>& names, const std::string& wanted,
@@ -49,29 +79,6 @@ void apply_choices(SceneDescription& scene, const ViewerChoices& wanted) {
   scene.camera = std::max(select(cameras, wanted.camera, "camera", scene.source, 0).taken, 0);
 }
 
-namespace {
-
-/// Total irradiance by all lights of a white surface at the scene's centre that faces each light.
-constexpr double kMiddleIrradiance = 1.3;
-
-/// Returns the scene's lights as placed at time 0.
-std::vector<Light> placed_lights(const SceneDescription& scene) {
-  SceneDescription lights_only;
-  lights_only.nodes = scene.nodes;
-  lights_only.lights = scene.lights;
-  return at_time(lights_only, 0.0).lights;
-}
-
-double irradiance(const Light& light, Vec3 middle, double nearest) {
-  const double strength = std::max({light.colour.x, light.colour.y, light.colour.z});
-  if (!light.falls_off) return strength;
-  // A light inside the scene must not count as infinitely near to the centre.
-  const double distance = std::max(length(light.position - middle), nearest);
-  return distance > 0.0 ? strength / (distance * distance) : 0.0;
-}
-
-}  // namespace
-
 void expose(SceneDescription& scene) {
   if (scene.lights.empty()) return;
   const Box bounds = scene_bounds(scene);
@@ -85,21 +92,6 @@ void expose(SceneDescription& scene) {
   for (Light& light : scene.lights) light.colour = light.colour * factor;
   scene.light_scale = factor;
 }
-
-namespace {
-
-constexpr double kNarrowestDegrees = 1e-3;
-constexpr double kWidestDegrees = 179.0;
-
-/// Returns the camera as placed at time 0.
-Camera placed(const Camera& camera, const SceneDescription& scene) {
-  SceneDescription only;
-  only.nodes = scene.nodes;
-  only.cameras = {camera};
-  return at_time(only, 0.0).cameras.front();
-}
-
-}  // namespace
 
 bool is_usable(const Camera& camera) {
   const double fov = camera.vertical_fov_degrees;

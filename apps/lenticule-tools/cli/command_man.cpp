@@ -94,24 +94,6 @@ std::string manual(const CLI::App& root) {
   return text;
 }
 
-}  // namespace
-
-cli::Run declare_man(CLI::App& app) {
-  return [&app] {
-    print_out("{}", Verbatim{manual(*app.get_parent())});
-    return kOk;
-  };
-}
-
-// lenticule completion prints a shell completion script, with a table from the same source as
-// --help.
-
-// CMake writes a source with completion.sh and completion.fish, where @table@ stands for the table.
-extern const char* const kBashAndZshCompletion;
-extern const char* const kFishCompletion;
-
-namespace {
-
 /// Returns the words among the values of an option, each with a blank: "forever " for "N|forever".
 std::string value_words(const CLI::Option& option) {
   const cli::ValueType type = cli::value_type(option);
@@ -155,6 +137,20 @@ std::string completion_table(const CLI::App& app, const std::string& path) {
 }
 
 }  // namespace
+
+cli::Run declare_man(CLI::App& app) {
+  return [&app] {
+    print_out("{}", Verbatim{manual(*app.get_parent())});
+    return kOk;
+  };
+}
+
+// lenticule completion prints a shell completion script, with a table from the same source as
+// --help.
+
+// CMake writes a source with completion.sh and completion.fish, where @table@ stands for the table.
+extern const char* const kBashAndZshCompletion;
+extern const char* const kFishCompletion;
 
 cli::Run declare_completion(CLI::App& app) {
   auto shell = std::make_shared<std::string>();

@@ -29,6 +29,31 @@ void take_turn(const std::string& text, StagingFlags& flags) {
   flags.turned_by_degrees = (*ends)[1] - (*ends)[0];
 }
 
+/// Flags that the user gave.
+struct Given {
+  bool error, psnr, prefilter_samples;
+};
+
+/// Refuses flags that would have no effect.
+void refuse_idle_flags(const RenderFlags& flags, const Given& given) {
+  if ((given.error || given.psnr) && flags.method != "adaptive")
+    throw usage_error("--{}: method {} tolerates no error", given.error ? "error" : "psnr",
+                      flags.method)
+        .remedy("--method adaptive does");
+  if (given.prefilter_samples && flags.options.prefilter == render::Prefilter::Off)
+    throw Error(ErrorKind::Usage, "--prefilter-samples: nothing is averaged without --prefilter",
+                "for example --prefilter beam");
+  if (flags.staging.stage.ignore_cameras && !flags.camera.empty())
+    throw Error(ErrorKind::Usage, "--fit: ignores the camera that --camera names",
+                "give one of the two");
+  if (flags.staging.turned_by_degrees != 0.0 &&
+      player::parse_frame_range(flags.frames).count() == 1)
+    throw Error(ErrorKind::Usage, "--turn: one frame cannot turn from one angle to another",
+                "for example --turn 0:360 --frames 0:48, or --turn 30");
+  if (flags.wall.empty() && !flags.panel.empty())
+    throw Error(ErrorKind::Usage, "--panel: names a panel of a wall", "give --wall WALL, too");
+}
+
 }  // namespace
 
 CLI::Option* declare_model_flags(CLI::App& app, render::LoadOptions& load) {
@@ -132,35 +157,6 @@ void declare_soft_light_flags(CLI::App& app, render::SoftLight& soft) {
       ->excludes(occlusion);
   app.option_defaults()->group("Options");
 }
-
-namespace {
-
-/// Flags that the user gave.
-struct Given {
-  bool error, psnr, prefilter_samples;
-};
-
-/// Refuses flags that would have no effect.
-void refuse_idle_flags(const RenderFlags& flags, const Given& given) {
-  if ((given.error || given.psnr) && flags.method != "adaptive")
-    throw usage_error("--{}: method {} tolerates no error", given.error ? "error" : "psnr",
-                      flags.method)
-        .remedy("--method adaptive does");
-  if (given.prefilter_samples && flags.options.prefilter == render::Prefilter::Off)
-    throw Error(ErrorKind::Usage, "--prefilter-samples: nothing is averaged without --prefilter",
-                "for example --prefilter beam");
-  if (flags.staging.stage.ignore_cameras && !flags.camera.empty())
-    throw Error(ErrorKind::Usage, "--fit: ignores the camera that --camera names",
-                "give one of the two");
-  if (flags.staging.turned_by_degrees != 0.0 &&
-      player::parse_frame_range(flags.frames).count() == 1)
-    throw Error(ErrorKind::Usage, "--turn: one frame cannot turn from one angle to another",
-                "for example --turn 0:360 --frames 0:48, or --turn 30");
-  if (flags.wall.empty() && !flags.panel.empty())
-    throw Error(ErrorKind::Usage, "--panel: names a panel of a wall", "give --wall WALL, too");
-}
-
-}  // namespace
 
 std::function<void()> declare_render_flags(CLI::App& app, RenderFlags& flags) {
   app.add_option("SCENE", flags.scene,

@@ -232,20 +232,6 @@ class SubmitRun {
   uint64_t merge_job_ = 0;
 };
 
-}  // namespace
-
-ExitCode farm_submit(const FarmFlags& flags) {
-  if (!flags.slurm)
-    throw Error(ErrorKind::Usage, "farm submit: no engine requested",
-                "--slurm submits to Slurm; other engines run the lines of commands.txt");
-  return SubmitRun(flags).run();
-}
-
-// lenticule farm status shows how far a farm is, from the files of its work folder; and, if Slurm
-// runs it, which tasks Slurm holds.
-
-namespace {
-
 constexpr int kWatchMilliseconds = 2000;
 
 /// QueueLook asks Slurm for the film's tasks if they were submitted to it. The queue of a large
@@ -296,6 +282,16 @@ bool wait_for_next_look() {
 }
 
 }  // namespace
+
+ExitCode farm_submit(const FarmFlags& flags) {
+  if (!flags.slurm)
+    throw Error(ErrorKind::Usage, "farm submit: no engine requested",
+                "--slurm submits to Slurm; other engines run the lines of commands.txt");
+  return SubmitRun(flags).run();
+}
+
+// lenticule farm status shows how far a farm is, from the files of its work folder; and, if Slurm
+// runs it, which tasks Slurm holds.
 
 ExitCode farm_status(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);

@@ -115,50 +115,6 @@ std::string digest_of_chunk_inputs(const RenderFlags& flags, const farm::Chunk& 
   return farm::digest_of_text(parts);
 }
 
-}  // namespace
-
-PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {
-  if (plan.program != program_version())
-    throw input_error("the plan was made by {}, this is {}", plan.program, program_version())
-        .remedy("install the same version on all machines, or make a new plan");
-  CLI::App app;
-  const std::function<void()> complete = declare_render_flags(app, flags_);
-  std::vector<std::string> arguments = plan.arguments;
-  arguments.push_back(fmt::format("--frames={}:{}", plan.begin, plan.end));
-  std::reverse(arguments.begin(), arguments.end());  // as CLI11 takes a list
-  try {
-    app.parse(arguments);
-  } catch (const CLI::ParseError& error) {
-    throw input_error("plan.json: arguments: {}", error.what());
-  }
-  complete();
-  flags_.options.threads = threads;
-  renderer_ = std::make_unique<FilmRenderer>(flags_, player::FrameRange{plan.begin, plan.end});
-  for (const auto& [what, digest] : digests_of_inputs(flags_, *renderer_)) {
-    const auto planned = plan.inputs.find(what);
-    if (planned == plan.inputs.end() || planned->second != digest)
-      throw input_error("{}: the {} is not the one of the plan", plan.output, what)
-          .remedy("put the planned file back, or make a new plan in a new folder");
-  }
-}
-
-int PlannedFilm::threads() const {
-  return threads_or_all(flags_.options.threads);
-}
-
-void PlannedFilm::require_inputs_of(const farm::Chunk& chunk) const {
-  if (plan_.chunk_inputs.empty() ||
-      plan_.chunk_inputs[chunk.number] == digest_of_chunk_inputs(flags_, chunk))
-    return;
-  throw input_error("{}: frames {} to {} have changed since the plan was made", flags_.scene,
-                    chunk.begin, chunk.end - 1)
-      .remedy("put the planned files back, or make a new plan in a new folder");
-}
-
-// lenticule farm plan writes the work folder of a film that many processes render.
-
-namespace {
-
 using Clock = std::chrono::steady_clock;
 
 uint64_t peak_resident_bytes() {
@@ -243,66 +199,6 @@ void require_film_name(const FarmFlags& flags) {
                 "leave out --timed-frames 0, or give a number: --chunk 32");
 }
 
-}  // namespace
-
-std::string farm_program(const std::string& given) {
-  if (!given.empty()) return given;
-  const auto program = find_sibling_program("lenticule");
-  return program ? std::filesystem::weakly_canonical(*program).string() : "lenticule";
-}
-
-ExitCode farm_plan(const FarmFlags& flags) {
-  require_film_name(flags);
-  const std::filesystem::path folder = std::filesystem::absolute(flags.folder).lexically_normal();
-  const player::FrameRange range = player::parse_frame_range(flags.render.frames);
-  const auto begin = Clock::now();
-  FilmRenderer renderer(flags.render, range);
-  OutputRequest request =
-      renderer.output_request(std::filesystem::absolute(flags.output).string(), range);
-  request.overwrite = flags.overwrite;
-  require_replaceable_film(request);
-
-  farm::Plan plan;
-  plan.program = program_version();
-  plan.arguments = flags.arguments;
-  plan.begin = range.begin;
-  plan.end = range.end;
-  plan.film = sequence_info_of(request);
-  plan.inputs = digests_of_inputs(flags.render, renderer);
-  plan.output = request.target;
-  const auto there = farm::WorkFolder::plan_in(folder);
-  if (there && flags.chunk_frames == "auto") {
-    plan.chunk_frames = there->chunk_frames;  // the same plan again
-    plan.timing = there->timing;
-  } else {
-    plan.timing = time_frames(renderer, flags, seconds_since(begin));
-    if (player::interrupted()) return player::interrupt_exit_code();
-    plan.chunk_frames =
-        flags.chunk_frames == "auto"
-            ? farm::choose_chunk_frames(plan.timing, range.count(), method_interval(renderer))
-            : std::min(parse_chunk(flags.chunk_frames), range.count());
-  }
-  if (plan.chunks() > farm::kMostChunks)
-    throw usage_error("--chunk {}: more than {} chunks", flags.chunk_frames, farm::kMostChunks);
-  for (uint64_t chunk = 0; chunk < plan.chunks(); ++chunk) {
-    const std::string digest = digest_of_chunk_inputs(flags.render, plan.chunk(chunk));
-    if (digest.empty()) break;
-    plan.chunk_inputs.push_back(digest);
-  }
-  if (farm::parse_plan(farm::plan_to_json(plan), "plan").arguments != plan.arguments)
-    throw Error(ErrorKind::Usage, "a file's name is not UTF-8, which a plan cannot contain",
-                "rename the file");
-  farm::WorkFolder::create(folder, plan, farm_program(flags.program));
-  print_result(plan_result(flags, plan), flags.json,
-               [&](const nlohmann::json&) { print_plan(plan, folder); });
-  return kOk;
-}
-
-// lenticule farm verify renders some frames again and compares them with the chunks: it finds a
-// node whose processor or memory is faulty.
-
-namespace {
-
 struct DoneChunk {
   farm::ChunkReport report;
   bool differing = false;  ///< another process reported other bytes
@@ -376,6 +272,102 @@ nlohmann::json result_json(uint64_t checked, uint64_t seed,
 }
 
 }  // namespace
+
+PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {
+  if (plan.program != program_version())
+    throw input_error("the plan was made by {}, this is {}", plan.program, program_version())
+        .remedy("install the same version on all machines, or make a new plan");
+  CLI::App app;
+  const std::function<void()> complete = declare_render_flags(app, flags_);
+  std::vector<std::string> arguments = plan.arguments;
+  arguments.push_back(fmt::format("--frames={}:{}", plan.begin, plan.end));
+  std::reverse(arguments.begin(), arguments.end());  // as CLI11 takes a list
+  try {
+    app.parse(arguments);
+  } catch (const CLI::ParseError& error) {
+    throw input_error("plan.json: arguments: {}", error.what());
+  }
+  complete();
+  flags_.options.threads = threads;
+  renderer_ = std::make_unique<FilmRenderer>(flags_, player::FrameRange{plan.begin, plan.end});
+  for (const auto& [what, digest] : digests_of_inputs(flags_, *renderer_)) {
+    const auto planned = plan.inputs.find(what);
+    if (planned == plan.inputs.end() || planned->second != digest)
+      throw input_error("{}: the {} is not the one of the plan", plan.output, what)
+          .remedy("put the planned file back, or make a new plan in a new folder");
+  }
+}
+
+int PlannedFilm::threads() const {
+  return threads_or_all(flags_.options.threads);
+}
+
+void PlannedFilm::require_inputs_of(const farm::Chunk& chunk) const {
+  if (plan_.chunk_inputs.empty() ||
+      plan_.chunk_inputs[chunk.number] == digest_of_chunk_inputs(flags_, chunk))
+    return;
+  throw input_error("{}: frames {} to {} have changed since the plan was made", flags_.scene,
+                    chunk.begin, chunk.end - 1)
+      .remedy("put the planned files back, or make a new plan in a new folder");
+}
+
+// lenticule farm plan writes the work folder of a film that many processes render.
+
+std::string farm_program(const std::string& given) {
+  if (!given.empty()) return given;
+  const auto program = find_sibling_program("lenticule");
+  return program ? std::filesystem::weakly_canonical(*program).string() : "lenticule";
+}
+
+ExitCode farm_plan(const FarmFlags& flags) {
+  require_film_name(flags);
+  const std::filesystem::path folder = std::filesystem::absolute(flags.folder).lexically_normal();
+  const player::FrameRange range = player::parse_frame_range(flags.render.frames);
+  const auto begin = Clock::now();
+  FilmRenderer renderer(flags.render, range);
+  OutputRequest request =
+      renderer.output_request(std::filesystem::absolute(flags.output).string(), range);
+  request.overwrite = flags.overwrite;
+  require_replaceable_film(request);
+
+  farm::Plan plan;
+  plan.program = program_version();
+  plan.arguments = flags.arguments;
+  plan.begin = range.begin;
+  plan.end = range.end;
+  plan.film = sequence_info_of(request);
+  plan.inputs = digests_of_inputs(flags.render, renderer);
+  plan.output = request.target;
+  const auto there = farm::WorkFolder::plan_in(folder);
+  if (there && flags.chunk_frames == "auto") {
+    plan.chunk_frames = there->chunk_frames;  // the same plan again
+    plan.timing = there->timing;
+  } else {
+    plan.timing = time_frames(renderer, flags, seconds_since(begin));
+    if (player::interrupted()) return player::interrupt_exit_code();
+    plan.chunk_frames =
+        flags.chunk_frames == "auto"
+            ? farm::choose_chunk_frames(plan.timing, range.count(), method_interval(renderer))
+            : std::min(parse_chunk(flags.chunk_frames), range.count());
+  }
+  if (plan.chunks() > farm::kMostChunks)
+    throw usage_error("--chunk {}: more than {} chunks", flags.chunk_frames, farm::kMostChunks);
+  for (uint64_t chunk = 0; chunk < plan.chunks(); ++chunk) {
+    const std::string digest = digest_of_chunk_inputs(flags.render, plan.chunk(chunk));
+    if (digest.empty()) break;
+    plan.chunk_inputs.push_back(digest);
+  }
+  if (farm::parse_plan(farm::plan_to_json(plan), "plan").arguments != plan.arguments)
+    throw Error(ErrorKind::Usage, "a file's name is not UTF-8, which a plan cannot contain",
+                "rename the file");
+  farm::WorkFolder::create(folder, plan, farm_program(flags.program));
+  print_result(plan_result(flags, plan), flags.json,
+               [&](const nlohmann::json&) { print_plan(plan, folder); });
+  return kOk;
+}
+
+// lenticule farm verify renders some frames again and compares them with the chunks: it finds a
+// node whose processor or memory is faulty.
 
 ExitCode farm_verify(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);

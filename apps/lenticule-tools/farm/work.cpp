@@ -267,21 +267,6 @@ class ChunkRun {
   bool agrees_ = true;  ///< no process has reported other bytes before
 };
 
-}  // namespace
-
-ExitCode farm_render(const FarmFlags& flags) {
-  const farm::WorkFolder folder(flags.folder);
-  if (flags.chunk >= folder.plan().chunks())
-    throw usage_error("chunk {}: the plan has chunks 0 to {}", flags.chunk,
-                      folder.plan().chunks() - 1);
-  return ChunkRun(folder, flags).run();
-}
-
-// lenticule farm feed passes frames to a player in their order while the farm renders: each frame
-// once, as soon as its chunk and all chunks before it are done.
-
-namespace {
-
 constexpr int kLookMilliseconds = 250;
 
 /// Waits for a chunk; returns none if interrupted.
@@ -315,6 +300,17 @@ bool deliver_chunk(const farm::WorkFolder& folder, const farm::ChunkReport& repo
 }
 
 }  // namespace
+
+ExitCode farm_render(const FarmFlags& flags) {
+  const farm::WorkFolder folder(flags.folder);
+  if (flags.chunk >= folder.plan().chunks())
+    throw usage_error("chunk {}: the plan has chunks 0 to {}", flags.chunk,
+                      folder.plan().chunks() - 1);
+  return ChunkRun(folder, flags).run();
+}
+
+// lenticule farm feed passes frames to a player in their order while the farm renders: each frame
+// once, as soon as its chunk and all chunks before it are done.
 
 ExitCode farm_feed(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);

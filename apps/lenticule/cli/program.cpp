@@ -271,16 +271,6 @@ Error error_of_words(const CLI::App& app, const CLI::ParseError& error) {
   return {ErrorKind::Usage, object + cause, fmt::format("see {} --help", name)};
 }
 
-}  // namespace
-
-void become_program(const OtherProgram& program, const char* command, char* const* arguments) {
-  const std::string path = require_program(command, program.name, program.package).string();
-  execv(path.c_str(), arguments);
-  throw failed_error("{}: cannot start {}: {}", command, path, std::strerror(errno));
-}
-
-namespace {
-
 /// Searches for --json directly, because the flags may be what cannot be parsed.
 bool asks_for_json(int argc, char** argv) {
   return std::any_of(argv, argv + argc,
@@ -307,6 +297,12 @@ const Command* command_of_another(const Program& program, int argc, char** argv)
 }
 
 }  // namespace
+
+void become_program(const OtherProgram& program, const char* command, char* const* arguments) {
+  const std::string path = require_program(command, program.name, program.package).string();
+  execv(path.c_str(), arguments);
+  throw failed_error("{}: cannot start {}: {}", command, path, std::strerror(errno));
+}
 
 int run_program(const Program& program, int argc, char** argv) {
   const ErrorStyle style{.program = "lenticule",

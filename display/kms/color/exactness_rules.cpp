@@ -78,20 +78,6 @@ constexpr std::array kPaths = {
                "tiny/sharp-memory.c of Linux 6.13, sharp_memory_set_tx_buffer_data()"},
 };
 
-}  // namespace
-
-std::span<const DriverPath> driver_paths() {
-  return kPaths;
-}
-
-const DriverPath* find_driver_path(std::string_view driver) {
-  const auto found = std::find_if(kPaths.begin(), kPaths.end(),
-                                  [&](const DriverPath& path) { return path.driver == driver; });
-  return found == kPaths.end() ? nullptr : &*found;
-}
-
-namespace {
-
 using enum KmsObject;
 using enum Neutral;
 using enum Harm;
@@ -238,6 +224,16 @@ std::optional<uint64_t> depth_value(const ExactnessRule& rule, const Property& p
 }
 
 }  // namespace
+
+std::span<const DriverPath> driver_paths() {
+  return kPaths;
+}
+
+const DriverPath* find_driver_path(std::string_view driver) {
+  const auto found = std::find_if(kPaths.begin(), kPaths.end(),
+                                  [&](const DriverPath& path) { return path.driver == driver; });
+  return found == kPaths.end() ? nullptr : &*found;
+}
 
 const char* object_name(KmsObject object) {
   constexpr const char* kNames[] = {"connector", "crtc", "plane"};

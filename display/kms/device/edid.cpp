@@ -19,30 +19,6 @@ namespace {
 constexpr uint32_t kMostTiles = 64;
 constexpr uint32_t kMostPixels = 65536;
 
-}  // namespace
-
-std::optional<Tile> parse_tile(std::span<const uint8_t> blob) {
-  std::string_view text(reinterpret_cast<const char*>(blob.data()), blob.size());
-  if (text.ends_with('\0')) text.remove_suffix(1);
-  const auto numbers = numbers_from<uint32_t, 8>(text, ':');
-  if (!numbers) return std::nullopt;
-  const auto [group, single, columns, rows, column, row, width, height] = *numbers;
-  const bool possible = columns >= 1 && columns <= kMostTiles && rows >= 1 && rows <= kMostTiles &&
-                        column < columns && row < rows && width >= 1 && width <= kMostPixels &&
-                        height >= 1 && height <= kMostPixels;
-  if (!possible) return std::nullopt;
-  return Tile{.group = group,
-              .single_monitor = single != 0,
-              .columns = static_cast<int>(columns),
-              .rows = static_cast<int>(rows),
-              .column = static_cast<int>(column),
-              .row = static_cast<int>(row),
-              .width = static_cast<int>(width),
-              .height = static_cast<int>(height)};
-}
-
-namespace {
-
 // The extension blocks (CTA-861, DisplayID) determine a link's encoding and state native sizes.
 
 using Bytes = std::span<const uint8_t>;
@@ -359,6 +335,26 @@ bool same_hex(const std::string& a, const std::string& b) {
 }
 
 }  // namespace
+
+std::optional<Tile> parse_tile(std::span<const uint8_t> blob) {
+  std::string_view text(reinterpret_cast<const char*>(blob.data()), blob.size());
+  if (text.ends_with('\0')) text.remove_suffix(1);
+  const auto numbers = numbers_from<uint32_t, 8>(text, ':');
+  if (!numbers) return std::nullopt;
+  const auto [group, single, columns, rows, column, row, width, height] = *numbers;
+  const bool possible = columns >= 1 && columns <= kMostTiles && rows >= 1 && rows <= kMostTiles &&
+                        column < columns && row < rows && width >= 1 && width <= kMostPixels &&
+                        height >= 1 && height <= kMostPixels;
+  if (!possible) return std::nullopt;
+  return Tile{.group = group,
+              .single_monitor = single != 0,
+              .columns = static_cast<int>(columns),
+              .rows = static_cast<int>(rows),
+              .column = static_cast<int>(column),
+              .row = static_cast<int>(row),
+              .width = static_cast<int>(width),
+              .height = static_cast<int>(height)};
+}
 
 const char* edid_problem_name(EdidProblem problem) {
   constexpr const char* kNames[] = {"ok", "absent", "too short", "not an EDID", "wrong checksum"};

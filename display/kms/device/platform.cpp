@@ -34,21 +34,6 @@ class DirectSession final : public Session {
   void drop_master(int fd) noexcept override { drmDropMaster(fd); }
 };
 
-}  // namespace
-
-std::shared_ptr<Session> make_direct_session() {
-  return std::make_shared<DirectSession>();
-}
-
-#if !defined(LENTICULE_HAVE_LIBSEAT)
-std::shared_ptr<Session> make_seat_session() {
-  throw Error(ErrorKind::Device, "seat: this build has no libseat",
-              "leave the seat option out and stop the desktop session");
-}
-#endif
-
-namespace {
-
 constexpr size_t kMostKernelText = 65536;
 
 Nanoseconds read_clock(clockid_t id) noexcept {
@@ -135,6 +120,17 @@ class LinuxPlatform final : public KmsPlatform {
 };
 
 }  // namespace
+
+std::shared_ptr<Session> make_direct_session() {
+  return std::make_shared<DirectSession>();
+}
+
+#if !defined(LENTICULE_HAVE_LIBSEAT)
+std::shared_ptr<Session> make_seat_session() {
+  throw Error(ErrorKind::Device, "seat: this build has no libseat",
+              "leave the seat option out and stop the desktop session");
+}
+#endif
 
 std::shared_ptr<KmsPlatform> make_linux_platform() {
   return std::make_shared<LinuxPlatform>();

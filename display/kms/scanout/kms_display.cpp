@@ -40,31 +40,6 @@ bool plausible(const TakeoverState& state) {
                      });
 }
 
-}  // namespace
-
-std::optional<TakeoverState> parse_takeover_state(std::span<const uint8_t> bytes) {
-  TakeoverState state;
-  if (bytes.size() != sizeof(state)) return std::nullopt;
-  std::memcpy(&state, bytes.data(), sizeof(state));
-  if (state.magic != TakeoverState::kMagic || state.version != TakeoverState::kVersion)
-    return std::nullopt;
-  if (!plausible(state)) return std::nullopt;
-  return state;
-}
-
-std::span<const uint8_t> bytes_of(const TakeoverState& state) {
-  return {reinterpret_cast<const uint8_t*>(&state), sizeof(state)};
-}
-
-void discard_buffers(int fd, const TakeoverState& state) noexcept {
-  for (uint32_t i = 0; i < std::min<uint32_t>(state.buffer_count, kMaxScanoutBuffers); ++i) {
-    drmModeRmFB(fd, state.buffers[i].framebuffer);
-    drmModeDestroyDumbBuffer(fd, state.buffers[i].handle);
-  }
-}
-
-namespace {
-
 constexpr Nanoseconds kSleepNoticed = std::chrono::milliseconds(500);
 constexpr int kBlockingCommitsBeforeModeset = 2;
 constexpr Nanoseconds kShortestBackoff = std::chrono::milliseconds(50);
@@ -595,6 +570,27 @@ class AtomicKmsDisplay final : public KmsDisplay {
 };
 
 }  // namespace
+
+std::optional<TakeoverState> parse_takeover_state(std::span<const uint8_t> bytes) {
+  TakeoverState state;
+  if (bytes.size() != sizeof(state)) return std::nullopt;
+  std::memcpy(&state, bytes.data(), sizeof(state));
+  if (state.magic != TakeoverState::kMagic || state.version != TakeoverState::kVersion)
+    return std::nullopt;
+  if (!plausible(state)) return std::nullopt;
+  return state;
+}
+
+std::span<const uint8_t> bytes_of(const TakeoverState& state) {
+  return {reinterpret_cast<const uint8_t*>(&state), sizeof(state)};
+}
+
+void discard_buffers(int fd, const TakeoverState& state) noexcept {
+  for (uint32_t i = 0; i < std::min<uint32_t>(state.buffer_count, kMaxScanoutBuffers); ++i) {
+    drmModeRmFB(fd, state.buffers[i].framebuffer);
+    drmModeDestroyDumbBuffer(fd, state.buffers[i].handle);
+  }
+}
 
 std::unique_ptr<KmsDisplay> open_kms_display(const KmsOptions& options) {
   check_options(options);

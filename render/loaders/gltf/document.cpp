@@ -294,6 +294,41 @@ bool has_scheme(const std::string& uri) {
   return colon != std::string::npos && colon > 1 && uri[colon] == ':';
 }
 
+/// Type of elements. The columns of MAT2 and MAT3 may have gaps, but nothing reads those two.
+struct Type {
+  const char* name;
+  size_t components;
+};
+constexpr std::array<Type, 7> kTypes{
+    {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT2", 4}, {"MAT3", 9}, {"MAT4", 16}}};
+
+constexpr size_t kMaxElements = 3 * kMaxTriangles;
+
+template <class T>
+constexpr Component component(uint64_t code) {
+  return {.code = code,
+          .bytes = sizeof(T),
+          .load = [](const uint8_t* from) { return static_cast<double>(number_at<T>(from)); },
+          .full_scale = sizeof(T) < 4 ? double{std::numeric_limits<T>::max()} : 0.0,
+          .is_unsigned = std::is_unsigned_v<T>};
+}
+constexpr std::array kComponents{component<int8_t>(5120),   component<uint8_t>(5121),
+                                 component<int16_t>(5122),  component<uint16_t>(5123),
+                                 component<uint32_t>(5125), component<float>(5126)};
+
+const Component& component_of(const JsonAt& code) {
+  const auto* const known = std::ranges::find(kComponents, code.whole(), &Component::code);
+  if (known == kComponents.end()) code.fail(fmt::format("{} is no component type", code.whole()));
+  return *known;
+}
+
+size_t count_of(const JsonAt& owner, size_t most) {
+  const JsonAt count = owner.at("count");
+  const uint64_t value = count.whole();
+  if (value < 1 || value > most) count.fail(fmt::format("{}, expected 1 to {}", value, most));
+  return static_cast<size_t>(value);
+}
+
 }  // namespace
 
 bool is_data_uri(const std::string& uri) {
@@ -395,45 +430,6 @@ BufferView Document::view(size_t index) {
 }
 
 // ---- accessors
-
-namespace {
-
-/// Type of elements. The columns of MAT2 and MAT3 may have gaps, but nothing reads those two.
-struct Type {
-  const char* name;
-  size_t components;
-};
-constexpr std::array<Type, 7> kTypes{
-    {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT2", 4}, {"MAT3", 9}, {"MAT4", 16}}};
-
-constexpr size_t kMaxElements = 3 * kMaxTriangles;
-
-template <class T>
-constexpr Component component(uint64_t code) {
-  return {.code = code,
-          .bytes = sizeof(T),
-          .load = [](const uint8_t* from) { return static_cast<double>(number_at<T>(from)); },
-          .full_scale = sizeof(T) < 4 ? double{std::numeric_limits<T>::max()} : 0.0,
-          .is_unsigned = std::is_unsigned_v<T>};
-}
-constexpr std::array kComponents{component<int8_t>(5120),   component<uint8_t>(5121),
-                                 component<int16_t>(5122),  component<uint16_t>(5123),
-                                 component<uint32_t>(5125), component<float>(5126)};
-
-const Component& component_of(const JsonAt& code) {
-  const auto* const known = std::ranges::find(kComponents, code.whole(), &Component::code);
-  if (known == kComponents.end()) code.fail(fmt::format("{} is no component type", code.whole()));
-  return *known;
-}
-
-size_t count_of(const JsonAt& owner, size_t most) {
-  const JsonAt count = owner.at("count");
-  const uint64_t value = count.whole();
-  if (value < 1 || value > most) count.fail(fmt::format("{}, expected 1 to {}", value, most));
-  return static_cast<size_t>(value);
-}
-
-}  // namespace
 
 Accessor::Accessor(Document& document, size_t index)
     : at_(document.list("accessors")[index]), component_(&component_of(at_.at("componentType"))) {
