@@ -41,8 +41,6 @@ class ScanoutRecorder {
  public:
   ScanoutRecorder() = default;
   virtual ~ScanoutRecorder() = default;
-  ScanoutRecorder(const ScanoutRecorder&) = delete;
-  ScanoutRecorder& operator=(const ScanoutRecorder&) = delete;
   /// Records a frame. Never fails: writes that the disk refuses are retried for a while and then
   /// counted as lost; recording continues once there is space.
   virtual void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept = 0;

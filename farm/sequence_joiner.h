@@ -131,8 +131,6 @@ class PartStream {
         opened_(std::move(opened)),
         buffers_(buffers),
         thread_([this](const std::stop_token& stop) { read_all(stop); }) {}
-  PartStream(const PartStream&) = delete;
-  PartStream& operator=(const PartStream&) = delete;
   ~PartStream() {
     const std::lock_guard lock(mutex_);
     thread_.request_stop();

@@ -71,8 +71,6 @@ class DecodedSource : public FrameSource {
   ~DecodedSource() override {
     for (std::jthread& thread : threads_) thread.request_stop();  // all, before one is awaited
   }
-  DecodedSource(const DecodedSource&) = delete;
-  DecodedSource& operator=(const DecodedSource&) = delete;
 
   [[nodiscard]] FrameGeometry geometry() const final { return rounds_.geometry; }
   [[nodiscard]] std::optional<Rate> rate() const final { return rounds_.rate; }

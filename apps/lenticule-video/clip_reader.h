@@ -324,8 +324,6 @@ class Watchdog {
     stopped_.notify_all();
     thread_.join();
   }
-  Watchdog(const Watchdog&) = delete;
-  Watchdog& operator=(const Watchdog&) = delete;
 
   /// Watch limits the time of its scope. Lifetime: must not outlive the watchdog.
   class Watch {
@@ -435,8 +433,6 @@ class SliceErrors {
  public:
   /// Installs the log callback that hears the reports.
   SliceErrors() { av_log_set_callback(hear); }
-  SliceErrors(const SliceErrors&) = delete;
-  SliceErrors& operator=(const SliceErrors&) = delete;
 
   /// Listens to this decoder and to its copies in other threads, whose member `opaque` it takes.
   void watch(AVCodecContext& codec) {
@@ -525,8 +521,6 @@ class ClipReader {
     open();
   }
   ~ClipReader() { close_decoder(); }
-  ClipReader(const ClipReader&) = delete;
-  ClipReader& operator=(const ClipReader&) = delete;
 
   [[nodiscard]] const AVStream& stream() const { return *stream_; }
   /// Decodes the next picture. Packets that cannot be decoded, and pictures with a wrong checksum,

@@ -142,9 +142,6 @@ class RecordingThread {
     thread_.join();
   }
 
-  RecordingThread(const RecordingThread&) = delete;
-  RecordingThread& operator=(const RecordingThread&) = delete;
-
   /// Queues a buffer and returns at once. The buffer stays in use until it is recorded. Thread
   /// safety: the presenter thread.
   void offer(ShownFrame shown, VirtualBuffer* buffer) noexcept {

@@ -73,8 +73,6 @@ class ChartPainter {
   /// Throws Error(Input) for a rig that has no optical model.
   explicit ChartPainter(const Chart& chart);
   ~ChartPainter();
-  ChartPainter(const ChartPainter&) = delete;
-  ChartPainter& operator=(const ChartPainter&) = delete;
 
   /// Draws rows [begin, end) of a frame of the rig's panel, without text and magnifier.
   ///

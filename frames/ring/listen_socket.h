@@ -144,8 +144,6 @@ class ListenSocket {
         ::lstat(path_.c_str(), &status) == 0 && status.st_dev == device_ && status.st_ino == inode_;
     if (ours) ::unlink(path_.c_str());
   }
-  ListenSocket(const ListenSocket&) = delete;
-  ListenSocket& operator=(const ListenSocket&) = delete;
 
   [[nodiscard]] int fd() const { return fd_.get(); }
   /// Returns the next waiting connection; empty if there is none. Never blocks.

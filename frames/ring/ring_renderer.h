@@ -202,8 +202,6 @@ class RingRenderer {
         new RingRenderer(socket.string(), handshake(socket, make_hello(hello), timeout)));
   }
   ~RingRenderer() { abandon(); }
-  RingRenderer(const RingRenderer&) = delete;
-  RingRenderer& operator=(const RingRenderer&) = delete;
 
   /// Returns the geometry that the player requires.
   [[nodiscard]] FrameGeometry geometry() const { return layout_.geometry; }

@@ -156,8 +156,6 @@ class ViewInput {
   explicit ViewInput(ViewSet still)
       : shape_(shape_of(still)), views_(std::move(still)), still_(true) {}
   ~ViewInput() { release(); }
-  ViewInput(const ViewInput&) = delete;
-  ViewInput& operator=(const ViewInput&) = delete;
 
   [[nodiscard]] const ViewShape& shape() const { return shape_; }
   [[nodiscard]] std::optional<Rate> rate() const {

@@ -164,8 +164,6 @@ class ControlServer {
     inbox_->wake.signal();
     thread_.join();
   }
-  ControlServer(const ControlServer&) = delete;
-  ControlServer& operator=(const ControlServer&) = delete;
 
   /// Sends the event to every subscriber. Thread safety: any thread; never waits for a client.
   void publish(nlohmann::ordered_json event) {

@@ -82,8 +82,6 @@ class FrameCopier {
     for (; queue_.peek() != nullptr; queue_.pop()) display_.discard(queue_.peek()->buffer);
     while (kept_count_ > 0) release_oldest();
   }
-  FrameCopier(const FrameCopier&) = delete;
-  FrameCopier& operator=(const FrameCopier&) = delete;
 
   /// Filling thread: fills until the sequence is over or request_stop() is called.
   void run() noexcept {

@@ -766,8 +766,6 @@ class Playback {
     end_threads();
     if (options_.control != nullptr) options_.control->detach();
   }
-  Playback(const Playback&) = delete;
-  Playback& operator=(const Playback&) = delete;
 
   /// Plays to the end, reconnecting the display whenever it is lost and can be reopened.
   [[nodiscard]] PlayResult run() {

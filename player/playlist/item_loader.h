@@ -259,8 +259,6 @@ class ItemLoader {
     for (const JumpSlot* slot : {&jump_, &cue_})
       if (slot->request && slot->request->done) slot->request->done(&ending);
   }
-  ItemLoader(const ItemLoader&) = delete;
-  ItemLoader& operator=(const ItemLoader&) = delete;
 
   /// Opens the only item of a list on the calling thread, or begins to look for the first item that
   /// can be played. Throws as ItemOpener does. Called before the frame copier begins.

@@ -45,8 +45,6 @@ class PlaylistSource final : public frames::FrameSource {
     epoll_event event{.events = EPOLLIN, .data = {.fd = wake_.fd()}};
     check(epoll_ctl(poll_.get(), EPOLL_CTL_ADD, wake_.fd(), &event) == 0);
   }
-  PlaylistSource(const PlaylistSource&) = delete;
-  PlaylistSource& operator=(const PlaylistSource&) = delete;
 
   /// Opens the only item of a list on the calling thread, so that a list of one unplayable item
   /// fails at once; begins to look for the first item of other lists. Call it before anything is

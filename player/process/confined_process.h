@@ -67,8 +67,6 @@ class ConfinedProcess {
     if (memory_ == MAP_FAILED) checked(-1, program.name);
   }
   ~ConfinedProcess() { munmap(memory_, memory_bytes_); }
-  ConfinedProcess(const ConfinedProcess&) = delete;
-  ConfinedProcess& operator=(const ConfinedProcess&) = delete;
 
   [[nodiscard]] pid_t pid() const { return process_.pid(); }
   /// Returns false if the process has ended, for example because the kernel needed its memory.

@@ -29,8 +29,6 @@ namespace lenticule::player {
 class ContentHashes {
  public:
   ContentHashes();
-  ContentHashes(const ContentHashes&) = delete;
-  ContentHashes& operator=(const ContentHashes&) = delete;
 
   /// Begins to compute the source's hash, unless it is known and its files are the same.
   void request(const SourceSpec& source);

@@ -47,8 +47,6 @@ class ProofWriter {
     if (!worker_.wait(kEndTimeout))
       say("proof of play: the journal does not respond; the last entries are lost\n");
   }
-  ProofWriter(const ProofWriter&) = delete;
-  ProofWriter& operator=(const ProofWriter&) = delete;
 
   /// Returns at once.
   void write(const ProofEntry& entry) {

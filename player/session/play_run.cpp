@@ -141,9 +141,6 @@ class TrimKeys {
     thread_.join();
   }
 
-  TrimKeys(const TrimKeys&) = delete;
-  TrimKeys& operator=(const TrimKeys&) = delete;
-
  private:
   void listen() noexcept {
     while (!ending_.load() && !keys_->at_end()) {
@@ -313,8 +310,6 @@ class PlayRun {
   ~PlayRun() {
     if (steered_) steered_->detach_source();
   }
-  PlayRun(const PlayRun&) = delete;
-  PlayRun& operator=(const PlayRun&) = delete;
 
   /// Runs once. Throws Error for a failure that ends the run.
   ExitCode run() {

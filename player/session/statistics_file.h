@@ -31,8 +31,6 @@ class StatisticsFile {
   }
   /// Leaves the thread running if a hanging disk blocks it.
   ~StatisticsFile() { (void)finish(kFinishTimeout); }
-  StatisticsFile(const StatisticsFile&) = delete;
-  StatisticsFile& operator=(const StatisticsFile&) = delete;
 
   /// Returns at once. Replaces a text that is not written yet.
   void write(std::string text) {

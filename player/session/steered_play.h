@@ -60,8 +60,6 @@ class PlayControls final : public ControlTarget {
     task_there_.notify_all();
     worker_.join();
   }
-  PlayControls(const PlayControls&) = delete;
-  PlayControls& operator=(const PlayControls&) = delete;
 
   void handle(const ControlRequest& request, ControlRights rights,
               std::function<void(ControlAnswer)> answer) override {
@@ -530,8 +528,6 @@ class SteeredPlay {
     listen();
   }
   ~SteeredPlay() { detach_source(); }
-  SteeredPlay(const SteeredPlay&) = delete;
-  SteeredPlay& operator=(const SteeredPlay&) = delete;
 
   /// Opens the source as open_source() does, after it has closed the one in `opened`.
   void open(OpenedSource& opened) {

@@ -89,8 +89,6 @@ struct SoundPlayer::Item {
     slot->item.store(SoundSlot::kNoItem);
     retire_decoder();
   }
-  Item(const Item&) = delete;
-  Item& operator=(const Item&) = delete;
 
   void begin(uint64_t as_number, uint64_t rounds) {
     const bool begins = number.exchange(as_number) != as_number;

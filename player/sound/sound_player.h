@@ -60,8 +60,6 @@ class SoundPlayer : public std::enable_shared_from_this<SoundPlayer> {
  public:
   explicit SoundPlayer(SoundOptions options);
   ~SoundPlayer();
-  SoundPlayer(const SoundPlayer&) = delete;
-  SoundPlayer& operator=(const SoundPlayer&) = delete;
 
   /// Opens the device and starts to play. `connector` is that of the panel, or empty. Throws
   /// Error(Device) if a named device cannot be opened.

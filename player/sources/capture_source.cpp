@@ -157,8 +157,6 @@ class CaptureSource final : public frames::FrameSource {
     feed_->forget(wake_);
     for (auto& [token, picture] : acquired_) feed_->give_back(picture);
   }
-  CaptureSource(const CaptureSource&) = delete;
-  CaptureSource& operator=(const CaptureSource&) = delete;
 
   [[nodiscard]] frames::FrameGeometry geometry() const override { return feed_->geometry(); }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return feed_->rate(); }

@@ -218,8 +218,6 @@ class ConfinedPictures::Pool {
     if (starter_.joinable()) starter_.join();
     idle_.clear();
   }
-  Pool(const Pool&) = delete;
-  Pool& operator=(const Pool&) = delete;
 
   /// Returns an idle decoder, or a new one.
   std::unique_ptr<Decoder> take() {

@@ -34,8 +34,6 @@ class ConfinedPictures final : public frames::PictureFileReader {
                             const PictureLimits& limits = {});
   /// Ends all decoders.
   ~ConfinedPictures() override;
-  ConfinedPictures(const ConfinedPictures&) = delete;
-  ConfinedPictures& operator=(const ConfinedPictures&) = delete;
 
   [[nodiscard]] frames::PictureInfo probe(const std::filesystem::path& file) const override;
   void read(const frames::EncodedPicture& picture, frames::PictureSink& sink,

@@ -52,8 +52,6 @@ class VideoChild {
     kill();
     if (keeper_.joinable()) keeper_.join();
   }
-  VideoChild(const VideoChild&) = delete;
-  VideoChild& operator=(const VideoChild&) = delete;
 
   /// Starts the program arguments[0], with a descriptor if one is passed, which must stay open
   /// until take_end() has returned the end. The previous child must have ended and its end must

@@ -135,8 +135,6 @@ class WeavingSource final : public frames::FrameSource {
     watcher_.join();
     worker_.join();
   }
-  WeavingSource(const WeavingSource&) = delete;
-  WeavingSource& operator=(const WeavingSource&) = delete;
 
   [[nodiscard]] frames::FrameGeometry geometry() const override { return geometry_; }
   /// Returns the rate; a still is pulled four times a second.

@@ -238,8 +238,6 @@ class StepLink {
     wake_.signal();
     thread_.join();
   }
-  StepLink(const StepLink&) = delete;
-  StepLink& operator=(const StepLink&) = delete;
 
   /// Returns the pacing that the presenter asks.
   [[nodiscard]] StepPacing& pacing() noexcept { return pacing_; }

@@ -59,8 +59,6 @@ class Heartbeat {
     ended_ = true;
     changed_.notify_all();
   }
-  Heartbeat(const Heartbeat&) = delete;
-  Heartbeat& operator=(const Heartbeat&) = delete;
 
   void frame_done() {
     const std::lock_guard lock(mutex_);

@@ -34,8 +34,6 @@ class ConfinedScenes final : public render::SceneReader {
   explicit ConfinedScenes(std::filesystem::path program = {}, const SceneLimits& limits = {});
   /// Ends the process.
   ~ConfinedScenes() override;
-  ConfinedScenes(const ConfinedScenes&) = delete;
-  ConfinedScenes& operator=(const ConfinedScenes&) = delete;
 
   [[nodiscard]] render::SceneDescription load(const std::filesystem::path& file,
                                               const render::LoadOptions& options) const override;

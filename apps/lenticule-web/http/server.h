@@ -351,8 +351,6 @@ class ConnectionWatch {
     changed_.notify_all();
     thread_.join();
   }
-  ConnectionWatch(const ConnectionWatch&) = delete;
-  ConnectionWatch& operator=(const ConnectionWatch&) = delete;
 
   /// Begins to watch the connection; it ends unless another function extends its time. Connections
   /// without an address are not counted per address.
@@ -521,8 +519,6 @@ class Server {
   ~Server() {
     for (const auto& door : doors_) MHD_stop_daemon(door->daemon);
   }
-  Server(const Server&) = delete;
-  Server& operator=(const Server&) = delete;
 
   [[nodiscard]] size_t connections() const { return watch_.open(); }
 

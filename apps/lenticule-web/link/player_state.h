@@ -88,8 +88,6 @@ class PlayerState {
     stop();
     thread_.join();
   }
-  PlayerState(const PlayerState&) = delete;
-  PlayerState& operator=(const PlayerState&) = delete;
 
   /// Returns {"connected", "status", "problem"}.
   [[nodiscard]] nlohmann::ordered_json state() const {

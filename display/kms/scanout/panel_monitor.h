@@ -74,8 +74,6 @@ class ConnectorProber {
     wake_.signal();
     if (thread_.joinable()) thread_.join();
   }
-  ConnectorProber(const ConnectorProber&) = delete;
-  ConnectorProber& operator=(const ConnectorProber&) = delete;
 
   /// Returns a descriptor that is readable when take_event() or, without its own thread, step()
   /// should be called.
