@@ -8,11 +8,6 @@
 namespace lenticule::display {
 namespace {
 
-const ScanoutLoops& best_loops(ScanoutDepth depth) noexcept {
-  static const ScanoutKernel& kernel = LENTICULE_SELECT_KERNEL(best_isa(), kScanoutKernel);
-  return kernel.loops(depth);
-}
-
 const ScanoutLoops& loops_of(Isa isa, ScanoutDepth depth) noexcept {
   return LENTICULE_SELECT_KERNEL(isa, kScanoutKernel).loops(depth);
 }
@@ -28,8 +23,27 @@ TurnedPixels turned_pixels(const frames::FrameView& frame, const optics::Mountin
   return {frame.bytes.data() + first, address({1, 0}) - first, address({0, 1}) - first};
 }
 
-void expand_frame(const ScanoutLoops& loops, const frames::FrameView& frame,
-                  const optics::Mounting& mounting, uint32_t* words, size_t stride) noexcept {
+bool fits(const frames::FrameView& frame, const optics::Mounting& mounting,
+          const frames::FrameGeometry& sent) noexcept {
+  return turned(frame.geometry, mounting) == sent && frame.bytes.size() >= sent.frame_bytes();
+}
+
+}  // namespace
+
+void expand_row(ScanoutDepth depth, const uint8_t* rgb, uint32_t* words, size_t pixels,
+                Isa isa) noexcept {
+  loops_of(isa, depth).expand_row(rgb, words, pixels);
+}
+
+void pack_row(ScanoutDepth depth, const uint32_t* words, uint8_t* rgb, size_t pixels,
+              Isa isa) noexcept {
+  loops_of(isa, depth).pack_row(words, rgb, pixels);
+}
+
+void expand_frame(ScanoutDepth depth, const frames::FrameView& frame,
+                  const optics::Mounting& mounting, uint32_t* words, size_t stride,
+                  Isa isa) noexcept {
+  const ScanoutLoops& loops = loops_of(isa, depth);
   const frames::FrameGeometry sent = turned(frame.geometry, mounting);
   const auto width = static_cast<size_t>(sent.width), height = static_cast<size_t>(sent.height);
   if (mounting.upright()) {
@@ -42,41 +56,6 @@ void expand_frame(const ScanoutLoops& loops, const frames::FrameView& frame,
     for (size_t i = 0; i < width; i += kTurnedTile)
       loops.expand_turned(pixels.from(i, j), words + j * stride + i, stride,
                           std::min(kTurnedTile, width - i), std::min(kTurnedTile, height - j));
-}
-
-bool fits(const frames::FrameView& frame, const optics::Mounting& mounting,
-          const frames::FrameGeometry& sent) noexcept {
-  return turned(frame.geometry, mounting) == sent && frame.bytes.size() >= sent.frame_bytes();
-}
-
-}  // namespace
-
-void expand_row(ScanoutDepth depth, const uint8_t* rgb, uint32_t* words, size_t pixels) noexcept {
-  best_loops(depth).expand_row(rgb, words, pixels);
-}
-
-void pack_row(ScanoutDepth depth, const uint32_t* words, uint8_t* rgb, size_t pixels) noexcept {
-  best_loops(depth).pack_row(words, rgb, pixels);
-}
-
-void expand_frame(ScanoutDepth depth, const frames::FrameView& frame,
-                  const optics::Mounting& mounting, uint32_t* words, size_t stride) noexcept {
-  expand_frame(best_loops(depth), frame, mounting, words, stride);
-}
-
-void expand_row(Isa isa, ScanoutDepth depth, const uint8_t* rgb, uint32_t* words,
-                size_t pixels) noexcept {
-  loops_of(isa, depth).expand_row(rgb, words, pixels);
-}
-
-void pack_row(Isa isa, ScanoutDepth depth, const uint32_t* words, uint8_t* rgb,
-              size_t pixels) noexcept {
-  loops_of(isa, depth).pack_row(words, rgb, pixels);
-}
-
-void expand_frame(Isa isa, ScanoutDepth depth, const frames::FrameView& frame,
-                  const optics::Mounting& mounting, uint32_t* words, size_t stride) noexcept {
-  expand_frame(loops_of(isa, depth), frame, mounting, words, stride);
 }
 
 frames::FrameGeometry turned(frames::FrameGeometry geometry, const optics::Mounting& mounting) {

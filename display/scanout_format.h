@@ -19,23 +19,18 @@
 namespace lenticule::display {
 
 /// Converts a row. `rgb` holds 3 * pixels bytes, `words` as many words as pixels; their unused bits
-/// become 0. Runs on best_isa().
-void expand_row(ScanoutDepth depth, const uint8_t* rgb, uint32_t* words, size_t pixels) noexcept;
+/// become 0. All functions take the best instruction set below `isa` that the machine has.
+void expand_row(ScanoutDepth depth, const uint8_t* rgb, uint32_t* words, size_t pixels,
+                Isa isa = best_isa()) noexcept;
 /// Converts words to RGB; ignores the unused bits.
-void pack_row(ScanoutDepth depth, const uint32_t* words, uint8_t* rgb, size_t pixels) noexcept;
+void pack_row(ScanoutDepth depth, const uint32_t* words, uint8_t* rgb, size_t pixels,
+              Isa isa = best_isa()) noexcept;
 
 /// Fills scan-out memory with the picture that a viewer sees as `frame` on a panel with this
-/// mounting. `stride` is the number of words from one row to the next. Runs on best_isa().
+/// mounting. `stride` is the number of words from one row to the next.
 void expand_frame(ScanoutDepth depth, const frames::FrameView& frame,
-                  const optics::Mounting& mounting, uint32_t* words, size_t stride) noexcept;
-
-/// Do the same with the given instruction set, or the best below it that the machine has.
-void expand_row(Isa isa, ScanoutDepth depth, const uint8_t* rgb, uint32_t* words,
-                size_t pixels) noexcept;
-void pack_row(Isa isa, ScanoutDepth depth, const uint32_t* words, uint8_t* rgb,
-              size_t pixels) noexcept;
-void expand_frame(Isa isa, ScanoutDepth depth, const frames::FrameView& frame,
-                  const optics::Mounting& mounting, uint32_t* words, size_t stride) noexcept;
+                  const optics::Mounting& mounting, uint32_t* words, size_t stride,
+                  Isa isa = best_isa()) noexcept;
 
 /// Returns the geometry of the frames that a viewer sees on scan-out memory of this geometry, and
 /// the other way round.

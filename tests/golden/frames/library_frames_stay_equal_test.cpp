@@ -174,8 +174,8 @@ TEST(LibraryFramesStayEqual, OfEveryMountingAndDepthOfScanOut) {
       for (const Isa isa : every_instruction_set()) {
         const WovenFrame seen = seen_of(frame, name);
         std::vector<uint32_t> words(208 * 137);
-        display::expand_frame(isa, depth, seen.view(), optics::mounting_named(name), words.data(),
-                              208);
+        display::expand_frame(depth, seen.view(), optics::mounting_named(name), words.data(), 208,
+                              isa);
         note(hashes, fmt::format("mounting {} {} bits", name, bits_of(depth)),
              hash_of({reinterpret_cast<const uint8_t*>(words.data()), 4 * words.size()}),
              isa_name(isa));

@@ -41,7 +41,7 @@ TEST_P(ScanoutFormat, ExpandsEverySubpixelAtEveryWidthAndAlignment) {
       // The vector has no spare bytes, so that the address sanitizer finds longer reads.
       const std::vector<uint8_t> rgb = random_bytes(3 * pixels);
       std::vector<uint32_t> xrgb(shift + pixels + 1, kGuard);
-      expand_row(isa(), depth(), rgb.data(), xrgb.data() + shift, pixels);
+      expand_row(depth(), rgb.data(), xrgb.data() + shift, pixels, isa());
       for (size_t i = 0; i < pixels; ++i)
         ASSERT_EQ(xrgb[shift + i], scanout_word(rgb.data() + 3 * i, depth()))
             << "pixel " << i << " of " << pixels;
@@ -55,11 +55,11 @@ TEST_P(ScanoutFormat, ExpandsEveryValueOfEveryColourAndPacksItBack) {
     for (size_t value = 0; value < 256; ++value)
       rgb[3 * value + colour] = static_cast<uint8_t>(value);
     std::vector<uint32_t> words(256);
-    expand_row(isa(), depth(), rgb.data(), words.data(), 256);
+    expand_row(depth(), rgb.data(), words.data(), 256, isa());
     for (size_t value = 0; value < 256; ++value)
       ASSERT_EQ(words[value], scanout_word(rgb.data() + 3 * value, depth())) << value;
     std::vector<uint8_t> back(rgb.size());
-    pack_row(isa(), depth(), words.data(), back.data(), 256);
+    pack_row(depth(), words.data(), back.data(), 256, isa());
     ASSERT_EQ(back, rgb);
   }
 }
@@ -68,11 +68,11 @@ TEST_P(ScanoutFormat, IgnoresTheUnusedBitsWhenPacking) {
   for (size_t pixels = 0; pixels < 100; ++pixels) {
     const std::vector<uint8_t> rgb = random_bytes(3 * pixels);
     std::vector<uint32_t> xrgb(pixels);
-    expand_row(isa(), depth(), rgb.data(), xrgb.data(), pixels);
+    expand_row(depth(), rgb.data(), xrgb.data(), pixels, isa());
     const uint32_t unused = depth() == ScanoutDepth::Bits10 ? 0xC0000000u : 0xFF000000u;
     for (size_t i = 0; i < pixels; i += 2) xrgb[i] |= unused;
     std::vector<uint8_t> back(3 * pixels + 1, kByteGuard);
-    pack_row(isa(), depth(), xrgb.data(), back.data(), pixels);
+    pack_row(depth(), xrgb.data(), back.data(), pixels, isa());
     ASSERT_EQ(back.back(), kByteGuard);
     back.pop_back();
     ASSERT_EQ(back, rgb) << pixels << " pixels";
@@ -88,8 +88,8 @@ void expect_sent(Isa isa, ScanoutDepth depth, const frames::WovenFrame& sent, co
   const frames::WovenFrame seen = test::seen_of(sent, mounting);
   const auto width = static_cast<size_t>(sent.width()), stride = width + shift;
   std::vector<uint32_t> xrgb(shift + stride * static_cast<size_t>(sent.height()), kGuard);
-  expand_frame(isa, depth, seen.view(), optics::mounting_named(mounting), xrgb.data() + shift,
-               stride);
+  expand_frame(depth, seen.view(), optics::mounting_named(mounting), xrgb.data() + shift, stride,
+               isa);
   for (size_t word = 0; word < xrgb.size(); ++word) {
     const bool guard = word < shift || (word - shift) % stride >= width;
     const size_t row = (word - shift) / stride, column = (word - shift) % stride;
