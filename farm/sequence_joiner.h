@@ -131,11 +131,6 @@ class PartStream {
         opened_(std::move(opened)),
         buffers_(buffers),
         thread_([this](const std::stop_token& stop) { read_all(stop); }) {}
-  ~PartStream() {
-    const std::lock_guard lock(mutex_);
-    thread_.request_stop();
-    changed_.notify_all();
-  }
 
   /// Returns the next bytes, at least one and at most `most`; they are valid until the next call.
   /// Returns none at the end of the file, or if it cannot be read.
@@ -167,8 +162,7 @@ class PartStream {
     for (uint64_t piece = 0; piece < pieces_; ++piece) {
       {
         std::unique_lock lock(mutex_);
-        changed_.wait(lock, [&] { return free_ > 0 || stop.stop_requested(); });
-        if (stop.stop_requested()) return;
+        if (!changed_.wait(lock, stop, [&] { return free_ > 0; }) || stop.stop_requested()) return;
         --free_;
       }
       const uint64_t begin = piece * kPiece;
@@ -215,7 +209,7 @@ class PartStream {
   uint64_t asked_ = 0;               ///< bytes that the disk was asked for
   std::span<const uint8_t> rest_{};  ///< bytes of the piece taken last
   std::mutex mutex_;
-  std::condition_variable changed_;
+  std::condition_variable_any changed_;
   uint64_t free_ = buffers_.size();  ///< buffers that the thread may fill
   uint64_t read_ = 0;                ///< pieces in buffers
   uint64_t taken_ = 0;               ///< pieces of which the caller has taken bytes

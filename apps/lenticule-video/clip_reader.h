@@ -315,15 +315,7 @@ class Watchdog {
   Watchdog(std::chrono::milliseconds limit, std::function<void()> expired)
       : most_waits_(static_cast<int>(limit / kWait)),
         expired_(std::move(expired)),
-        thread_([this] { count(); }) {}
-  ~Watchdog() {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-    }
-    stopped_.notify_all();
-    thread_.join();
-  }
+        thread_([this](const std::stop_token& stop) { count(stop); }) {}
 
   /// Watch limits the time of its scope. Lifetime: must not outlive the watchdog.
   class Watch {
@@ -348,9 +340,9 @@ class Watchdog {
     watching_ = on;
     waits_ = 0;
   }
-  void count() {
+  void count(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
-    while (!stopped_.wait_for(lock, kWait, [this] { return stopping_; })) {
+    while (!stopped_.wait_for(lock, stop, kWait, [&] { return stop.stop_requested(); })) {
       if (!watching_ || ++waits_ <= most_waits_) continue;
       lock.unlock();
       expired_();
@@ -361,11 +353,10 @@ class Watchdog {
   const int most_waits_;
   const std::function<void()> expired_;
   std::mutex mutex_;
-  std::condition_variable stopped_;
+  std::condition_variable_any stopped_;
   bool watching_ = false;
-  int waits_ = 0;  ///< number of waits in the present watch
-  bool stopping_ = false;
-  std::thread thread_;  // last member: the thread uses everything above
+  int waits_ = 0;        ///< number of waits in the present watch
+  std::jthread thread_;  // last member: the thread uses everything above
 };
 
 /// Container is an opened video file. It never opens another file by name, even if the file asks

@@ -126,21 +126,14 @@ class VirtualBuffer final : public ScanoutBuffer {
 };
 
 /// RecordingThread passes displayed buffers to a recorder on its own thread, so that the presenter
-/// never waits for a disk.
+/// never waits for a disk. Its destructor waits until those in the queue are recorded.
 class RecordingThread {
  public:
   /// Holds at most `capacity` buffers at a time, waiting or being recorded.
   RecordingThread(std::shared_ptr<ScanoutRecorder> recorder, size_t capacity)
-      : recorder_(std::move(recorder)), jobs_(capacity), thread_([this] { run(); }) {}
-  /// Records the waiting buffers, then ends the thread.
-  ~RecordingThread() {
-    {
-      const std::lock_guard lock(mutex_);
-      ending_ = true;
-    }
-    changed_.notify_one();
-    thread_.join();
-  }
+      : recorder_(std::move(recorder)),
+        jobs_(capacity),
+        thread_([this](const std::stop_token& stop) { run(stop); }) {}
 
   /// Queues a buffer and returns at once. The buffer stays in use until it is recorded. Thread
   /// safety: the presenter thread.
@@ -166,11 +159,9 @@ class RecordingThread {
     VirtualBuffer* buffer = nullptr;
   };
 
-  void run() noexcept {
+  void run(const std::stop_token& stop) noexcept {
     std::unique_lock lock(mutex_);
-    while (true) {
-      changed_.wait(lock, [this] { return count_ > 0 || ending_; });
-      if (count_ == 0) return;
+    while (changed_.wait(lock, stop, [this] { return count_ > 0; })) {
       const Job job = jobs_[first_];
       lock.unlock();
       recorder_->record(job.shown, job.buffer->view());
@@ -187,13 +178,12 @@ class RecordingThread {
   uint64_t skipped_ = 0;  ///< frames skipped since the last queued one; presenter thread only
 
   std::mutex mutex_;  ///< guards all members below, for a few instructions at a time
-  std::condition_variable changed_;
+  std::condition_variable_any changed_;
   std::vector<Job> jobs_;  ///< ring buffer of `capacity` jobs
   size_t first_ = 0;
   size_t count_ = 0;
-  bool ending_ = false;
 
-  std::thread thread_;
+  std::jthread thread_;  // last member: the thread uses everything above
 };
 
 inline constexpr int kMinBuffers = 2;

@@ -157,12 +157,11 @@ class ControlServer {
         target_(target),
         socket_(options_.socket, {.type = SOCK_STREAM, .group = options_.group}),
         inbox_(std::make_shared<Inbox>()) {
-    thread_ = std::thread([this] { serve(); });
+    thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
   }
   ~ControlServer() {
-    stopping_.store(true);
+    thread_.request_stop();
     inbox_->wake.signal();
-    thread_.join();
   }
 
   /// Sends the event to every subscriber. Thread safety: any thread; never waits for a client.
@@ -263,7 +262,7 @@ class ControlServer {
   };
 
   /// Runs the server loop. An exception here must not end the playback.
-  void serve() noexcept {
+  void serve(const std::stop_token& stop) noexcept {
     const auto guarded = [this](void (ControlServer::*step)()) {
       try {
         (this->*step)();
@@ -273,7 +272,7 @@ class ControlServer {
       }
       std::erase_if(clients_, [](const auto& client) { return client->dead; });
     };
-    while (!stopping_.load()) guarded(&ControlServer::serve_once);
+    while (!stop.stop_requested()) guarded(&ControlServer::serve_once);
     // The last answers, for example that of the request that ends the player.
     guarded(&ControlServer::take_inbox);
     for (const auto& client : clients_) flush(*client);
@@ -573,8 +572,7 @@ class ControlServer {
   std::atomic<uint64_t> refused_{0};
   std::atomic<uint64_t> dropped_{0};
   std::atomic<uint64_t> displaced_{0};
-  std::atomic<bool> stopping_{false};
-  std::thread thread_;  // last member: the thread uses everything above
+  std::jthread thread_;  // last member: the thread uses everything above
 };
 
 }  // namespace lenticule::player

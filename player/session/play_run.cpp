@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <chrono>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -132,18 +131,17 @@ class TrimKeys {
       throw Error(ErrorKind::Usage, "--trim: standard input is not a terminal",
                   "use lenticule rig trim RIG --offset-by 0.01");
     keys_ = open_key_input({});
-    thread_ = std::thread([this] { listen(); });
+    thread_ = std::jthread([this](const std::stop_token& stop) { listen(stop); });
   }
   /// Restores the terminal.
   ~TrimKeys() {
-    ending_.store(true);
+    thread_.request_stop();
     wake_.signal();
-    thread_.join();
   }
 
  private:
-  void listen() noexcept {
-    while (!ending_.load() && !keys_->at_end()) {
+  void listen(const std::stop_token& stop) noexcept {
+    while (!stop.stop_requested() && !keys_->at_end()) {
       std::array<pollfd, 2> ready{{{.fd = keys_->fd(), .events = POLLIN, .revents = 0},
                                    {.fd = wake_.fd(), .events = POLLIN, .revents = 0}}};
       (void)poll(ready.data(), ready.size(), static_cast<int>(kEscapePause.count()));
@@ -163,8 +161,7 @@ class TrimKeys {
   bool advised_ = false;
   std::unique_ptr<KeyInput> keys_;
   WakeFd wake_;
-  std::atomic<bool> ending_{false};
-  std::thread thread_;
+  std::jthread thread_;  // last member: the thread uses everything above
 };
 
 /// PlayOutputs looks after the files that a run of `lenticule play` writes: statistics, recording,

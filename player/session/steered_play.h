@@ -49,17 +49,9 @@ class PlayControls final : public ControlTarget {
   /// `read_playlist` reads what `load` names, on a thread of the object. Lifetime: `plan` must
   /// outlive the object.
   PlayControls(const PlayPlan& plan, PlaylistReader read_playlist)
-      : plan_(plan), read_playlist_(std::move(read_playlist)) {
-    worker_ = std::thread([this] { work(); });
-  }
-  ~PlayControls() override {
-    {
-      const std::lock_guard lock(tasks_mutex_);
-      stopping_ = true;
-    }
-    task_there_.notify_all();
-    worker_.join();
-  }
+      : plan_(plan),
+        read_playlist_(std::move(read_playlist)),
+        worker_([this](const std::stop_token& stop) { work(stop); }) {}
 
   void handle(const ControlRequest& request, ControlRights rights,
               std::function<void(ControlAnswer)> answer) override {
@@ -458,11 +450,10 @@ class PlayControls final : public ControlTarget {
     }
     task_there_.notify_one();
   }
-  void work() noexcept {
+  void work(const std::stop_token& stop) noexcept {
     std::unique_lock lock(tasks_mutex_);
-    while (true) {
-      task_there_.wait(lock, [this] { return stopping_ || !tasks_.empty(); });
-      if (stopping_) return;
+    while (task_there_.wait(lock, stop, [this] { return !tasks_.empty(); }) &&
+           !stop.stop_requested()) {
       const Task task = std::move(tasks_.front());
       tasks_.pop_front();
       lock.unlock();
@@ -497,10 +488,9 @@ class PlayControls final : public ControlTarget {
     std::function<void(const Answer&)> run;
   };
   std::mutex tasks_mutex_;
-  std::condition_variable task_there_;
+  std::condition_variable_any task_there_;
   std::deque<Task> tasks_;
-  bool stopping_ = false;
-  std::thread worker_;  // last member: the thread uses everything above
+  std::jthread worker_;  // last member: the thread uses everything above
 };
 
 /// Only measures the source's pace if the source is plain, without control socket and proof. Thread

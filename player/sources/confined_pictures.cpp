@@ -209,15 +209,6 @@ class ConfinedPictures::Pool {
  public:
   Pool(std::filesystem::path program, const PictureLimits& limits, Formats formats)
       : program_(std::move(program)), limits_(limits), formats_(formats) {}
-  ~Pool() {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-    }
-    changed_.notify_all();
-    if (starter_.joinable()) starter_.join();
-    idle_.clear();
-  }
 
   /// Returns an idle decoder, or a new one.
   std::unique_ptr<Decoder> take() {
@@ -265,17 +256,16 @@ class ConfinedPictures::Pool {
  private:
   /// Call with the lock held.
   void order() {
-    if (!starter_.joinable()) starter_ = std::thread([this] { start_ordered(); });
+    if (!starter_.joinable())
+      starter_ = std::jthread([this](const std::stop_token& stop) { start_ordered(stop); });
     ++ordered_;
     ++coming_;
     changed_.notify_all();
   }
 
-  void start_ordered() {
+  void start_ordered(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
-    while (true) {
-      changed_.wait(lock, [this] { return stopping_ || ordered_ > 0; });
-      if (stopping_) return;
+    while (changed_.wait(lock, stop, [this] { return ordered_ > 0; }) && !stop.stop_requested()) {
       --ordered_;
       lock.unlock();
       std::unique_ptr<Decoder> decoder;
@@ -304,7 +294,7 @@ class ConfinedPictures::Pool {
   const PictureLimits limits_;
   const Formats formats_;
   mutable std::mutex mutex_;
-  std::condition_variable changed_;
+  std::condition_variable_any changed_;
   std::vector<std::unique_ptr<Decoder>> idle_;
   std::deque<Error> failures_;
   int ordered_ = 0;
@@ -312,8 +302,7 @@ class ConfinedPictures::Pool {
   size_t waiting_ = 0;  ///< waiting threads
   size_t lent_ = 0;     ///< decoders that decode
   uint64_t started_ = 0;
-  bool stopping_ = false;
-  std::thread starter_;
+  std::jthread starter_;  // last member: the thread uses everything above
 };
 
 ConfinedPictures::ConfinedPictures(const std::filesystem::path& program,

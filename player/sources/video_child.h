@@ -48,10 +48,7 @@ class VideoChild {
  public:
   VideoChild() = default;
   /// Kills and reaps a running child.
-  ~VideoChild() {
-    kill();
-    if (keeper_.joinable()) keeper_.join();
-  }
+  ~VideoChild() { kill(); }
 
   /// Starts the program arguments[0], with a descriptor if one is passed, which must stay open
   /// until take_end() has returned the end. The previous child must have ended and its end must
@@ -64,7 +61,7 @@ class VideoChild {
     if (keeper_.joinable()) keeper_.join();
     killed_.drain();
     try {
-      keeper_ = std::thread([this, words = std::move(arguments), passed] { keep(words, passed); });
+      keeper_ = std::jthread([this, words = std::move(arguments), passed] { keep(words, passed); });
     } catch (const std::system_error& error) {
       report({.last_words = error.what()});
     }
@@ -174,7 +171,7 @@ class VideoChild {
   std::atomic<uint64_t> broken_{0};
   std::atomic<uint64_t> missing_{0};
   std::atomic<uint64_t> clip_length_{0};
-  std::thread keeper_;
+  std::jthread keeper_;
 };
 
 }  // namespace lenticule::player

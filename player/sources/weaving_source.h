@@ -122,18 +122,15 @@ class WeavingSource final : public frames::FrameSource {
     plans_ = 1;
     for (Slot& slot : slots_) slot.frame = frames::WovenFrame(geometry_);
     if (still_) weave_first_still();
-    worker_ = std::thread([this] { work(); });
-    watcher_ = std::thread([this] { watch(); });
+    worker_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
+    watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
   }
   /// Waits for the frame or plan in progress.
   ~WeavingSource() override {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-    }
+    const std::lock_guard lock(mutex_);
+    watcher_.request_stop();
+    worker_.request_stop();
     changed_.notify_all();
-    watcher_.join();
-    worker_.join();
   }
 
   [[nodiscard]] frames::FrameGeometry geometry() const override { return geometry_; }
@@ -248,11 +245,11 @@ class WeavingSource final : public frames::FrameSource {
   }
   /// Makes new plans beside the weaving, with as many threads: a plan is small work for a few of
   /// them.
-  void watch() noexcept {
+  void watch(const std::stop_token& stop) noexcept {
     while (true) {
       {
         std::unique_lock lock(mutex_);
-        if (changed_.wait_for(lock, kLook, [&] { return stopping_; })) return;
+        if (changed_.wait_for(lock, kLook, [&] { return stop.stop_requested(); })) return;
       }
       try {
         look_at_rig();
@@ -276,16 +273,16 @@ class WeavingSource final : public frames::FrameSource {
     }
     changed_.notify_all();
   }
-  void work() noexcept {
+  void work(const std::stop_token& stop) noexcept {
     std::shared_ptr<WeavingPipeline> used = newest_pipeline();
     while (true) {
       {
         const std::lock_guard lock(mutex_);
-        if (stopping_ || !failure_.empty()) return;
+        if (stop.stop_requested() || !failure_.empty()) return;
       }
       try {
         const bool done = still_ ? weave_still(used) : weave_next();
-        if (!done) wait_a_moment();
+        if (!done) wait_a_moment(stop);
         if (!done && options_.from_renderer)
           input_->wait(std::chrono::milliseconds(0));  // serves it
       } catch (const std::exception& error) {
@@ -427,9 +424,9 @@ class WeavingSource final : public frames::FrameSource {
     }
     wake_.signal();
   }
-  void wait_a_moment() {
+  void wait_a_moment(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
-    if (!stopping_) changed_.wait_for(lock, kLook);
+    if (!stop.stop_requested()) changed_.wait_for(lock, kLook);
   }
 
   const WeavingSourceOptions options_;
@@ -458,9 +455,8 @@ class WeavingSource final : public frames::FrameSource {
   uint64_t rounds_woven_ = 0;
   bool nothing_to_do_ = false;  ///< the input is over, and no other round is requested
   std::string failure_;
-  bool stopping_ = false;
 
-  std::thread watcher_, worker_;
+  std::jthread watcher_, worker_;  // last members: the threads use everything above
 };
 
 }  // namespace lenticule::player

@@ -13,7 +13,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <map>
@@ -231,12 +230,11 @@ class StepLink {
     } else {
       member_ = std::make_unique<StepFollower>(identity);
     }
-    thread_ = std::thread([this] { run(); });
+    thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
   }
   ~StepLink() {
-    stopping_.store(true);
+    thread_.request_stop();
     wake_.signal();
-    thread_.join();
   }
 
   /// Returns the pacing that the presenter asks.
@@ -337,9 +335,9 @@ class StepLink {
   };
 
   /// Runs until the link is destroyed. An exception here must not end the playback.
-  void run() noexcept {
+  void run(const std::stop_token& stop) noexcept {
     std::chrono::nanoseconds next_tick{0};
-    while (!stopping_.load()) {
+    while (!stop.stop_requested()) {
       const std::chrono::nanoseconds left = next_tick - read_clocks().monotonic;
       const auto wait =
           std::chrono::ceil<std::chrono::milliseconds>(std::max(left, std::chrono::nanoseconds{0}));
@@ -451,8 +449,7 @@ class StepLink {
   std::string reported_;  ///< remedy of the problem that was printed last
 
   WakeFd wake_{"step"};
-  std::atomic<bool> stopping_{false};
-  std::thread thread_;  ///< last member: ends before the others are destroyed
+  std::jthread thread_;  ///< last member: ends before the others are destroyed
 };
 
 }  // namespace lenticule::player

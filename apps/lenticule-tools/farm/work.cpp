@@ -53,12 +53,9 @@ std::string node_name() {
 class Heartbeat {
  public:
   Heartbeat(fs::path file, farm::ChunkProgress progress)
-      : file_(std::move(file)), progress_(std::move(progress)), thread_([this] { run(); }) {}
-  ~Heartbeat() {
-    const std::lock_guard lock(mutex_);
-    ended_ = true;
-    changed_.notify_all();
-  }
+      : file_(std::move(file)),
+        progress_(std::move(progress)),
+        thread_([this](const std::stop_token& stop) { run(stop); }) {}
 
   void frame_done() {
     const std::lock_guard lock(mutex_);
@@ -66,12 +63,12 @@ class Heartbeat {
   }
 
  private:
-  void run() {
+  void run(const std::stop_token& stop) {
     constexpr std::chrono::seconds kFirst{2};
     constexpr std::chrono::seconds kPause{20};
     bool first = true;
     std::unique_lock lock(mutex_);
-    while (!ended_) {
+    while (!stop.stop_requested()) {
       progress_.seconds = seconds_since(begin_);
       const std::string text = farm::record_to_json(progress_);
       lock.unlock();
@@ -80,7 +77,7 @@ class Heartbeat {
       } catch (const std::exception&) {  // a full disk: the frames report it
       }
       lock.lock();
-      changed_.wait_for(lock, first ? kFirst : kPause, [this] { return ended_; });
+      ended_.wait_for(lock, stop, first ? kFirst : kPause, [] { return false; });
       first = false;
     }
   }
@@ -89,8 +86,7 @@ class Heartbeat {
   farm::ChunkProgress progress_;
   Clock::time_point begin_ = Clock::now();
   std::mutex mutex_;
-  std::condition_variable changed_;
-  bool ended_ = false;
+  std::condition_variable_any ended_;
   std::jthread thread_;  // last member: the thread uses everything above
 };
 

@@ -340,17 +340,10 @@ class ConnectionWatch {
   /// with that id was not revoked; it may take long.
   ConnectionWatch(size_t crowded, size_t crowded_address,
                   std::function<bool(const std::string& token_id)> is_valid)
-      : crowded_(crowded), crowded_address_(crowded_address), is_valid_(std::move(is_valid)) {
-    thread_ = std::thread([this] { work(); });
-  }
-  ~ConnectionWatch() {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-    }
-    changed_.notify_all();
-    thread_.join();
-  }
+      : crowded_(crowded),
+        crowded_address_(crowded_address),
+        is_valid_(std::move(is_valid)),
+        thread_([this](const std::stop_token& stop) { work(stop); }) {}
 
   /// Begins to watch the connection; it ends unless another function extends its time. Connections
   /// without an address are not counted per address.
@@ -412,10 +405,9 @@ class ConnectionWatch {
     const std::lock_guard lock(mutex_);
     if (const auto entry = entries_.find(fd); entry != entries_.end()) how(entry->second);
   }
-  void work() {
+  void work(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
-    while (!stopping_) {
-      changed_.wait_for(lock, kTick, [this] { return stopping_; });
+    while (!ended_.wait_for(lock, stop, kTick, [&] { return stop.stop_requested(); })) {
       std::set<std::string> revoked;
       for (const auto& [fd, entry] : entries_)
         if (!entry.token_id.empty()) revoked.insert(entry.token_id);
@@ -452,10 +444,9 @@ class ConnectionWatch {
   const size_t crowded_address_;
   const std::function<bool(const std::string& token_id)> is_valid_;
   mutable std::mutex mutex_;
-  std::condition_variable changed_;
+  std::condition_variable_any ended_;
   std::map<int, Entry> entries_;
-  bool stopping_ = false;
-  std::thread thread_;  // last member: the thread uses everything above
+  std::jthread thread_;  // last member: the thread uses everything above
 };
 
 struct ServerLimits {

@@ -64,15 +64,12 @@ class ConnectorProber {
         link_bad_(seen.link_bad),
         poll_at_(clock_->now() + kPollInterval),
         audit_at_(audit_ ? clock_->now() + kAuditInterval : kNever) {
-    if (clock_->real_time()) thread_ = std::thread([this] { run(); });
+    if (clock_->real_time())
+      thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
   }
   ~ConnectorProber() {
-    {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
-    }
+    thread_.request_stop();
     wake_.signal();
-    if (thread_.joinable()) thread_.join();
   }
 
   /// Returns a descriptor that is readable when take_event() or, without its own thread, step()
@@ -121,12 +118,8 @@ class ConnectorProber {
   static constexpr Nanoseconds kPollInterval = std::chrono::seconds(30);
   static constexpr Nanoseconds kAuditInterval = std::chrono::seconds(3);
   static constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
-  void run() noexcept {
-    while (true) {
-      {
-        const std::lock_guard lock(mutex_);
-        if (stopping_) return;
-      }
+  void run(const std::stop_token& stop) noexcept {
+    while (!stop.stop_requested()) {
       const Nanoseconds now = clock_->now();
       const Nanoseconds until = std::min({probe_at_.value_or(poll_at_), poll_at_, audit_at_});
       const auto sleep = std::clamp(until - now, Nanoseconds{0}, kLongestSleep);
@@ -216,9 +209,8 @@ class ConnectorProber {
   std::mutex mutex_;  ///< guards the members below
   std::optional<HotplugEvent> event_;
   bool probe_requested_ = false;
-  bool stopping_ = false;
 
-  std::thread thread_;
+  std::jthread thread_;  // last member: the thread uses everything above
 };
 
 inline bool is_expected(const ConnectorInfo& connector, const OutputRequest& request, size_t n) {
