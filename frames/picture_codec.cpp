@@ -11,16 +11,14 @@
 #include <utility>
 
 #include "base/error_kinds.h"
+#include "base/owned.h"
 #include "frames/exif_tags.h"
 #include "frames/srgb.h"
 
 namespace lenticule::frames {
 namespace {
 
-struct FreeContext {
-  void operator()(spng_ctx* context) const { spng_ctx_free(context); }
-};
-using Context = std::unique_ptr<spng_ctx, FreeContext>;
+using Context = Owned<spng_ctx, spng_ctx_free>;
 
 Context new_context(int flags) {
   Context context(spng_ctx_new(flags));

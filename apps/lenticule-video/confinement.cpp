@@ -20,10 +20,10 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <memory>
 #include <utility>
 
 #include "base/error_kinds.h"
+#include "base/owned.h"
 
 namespace lenticule::video {
 namespace {
@@ -128,10 +128,7 @@ class Rules {
   }
 
  private:
-  struct Release {
-    void operator()(scmp_filter_ctx context) const { seccomp_release(context); }
-  };
-  std::unique_ptr<void, Release> context_;
+  Owned<void, seccomp_release> context_;
 };
 
 /// Requests of V4L2 have the type 'V' in bits 8 to 15.

@@ -11,11 +11,11 @@
 #include <array>
 #include <cerrno>
 #include <charconv>
-#include <memory>
 #include <optional>
 #include <string_view>
 #include <utility>
 
+#include "base/owned.h"
 #include "base/unique_fd.h"
 
 namespace lenticule::video {
@@ -30,10 +30,6 @@ constexpr std::array<uint32_t, 6> kCoded = {V4L2_PIX_FMT_H264,  V4L2_PIX_FMT_HEV
                                             V4L2_PIX_FMT_VP8,   V4L2_PIX_FMT_VP9,
                                             V4L2_PIX_FMT_MPEG4, V4L2_PIX_FMT_MPEG2};
 
-struct CloseFolder {
-  void operator()(DIR* folder) const { ::closedir(folder); }
-};
-
 /// Returns the number of a node "videoN".
 std::optional<unsigned> number_of(std::string_view name) {
   constexpr std::string_view kPrefix = "video";
@@ -47,7 +43,7 @@ std::optional<unsigned> number_of(std::string_view name) {
 
 std::vector<unsigned> video_nodes() {
   std::vector<unsigned> numbers;
-  const std::unique_ptr<DIR, CloseFolder> folder(::opendir("/dev"));
+  const Owned<DIR, ::closedir> folder(::opendir("/dev"));
   if (!folder) return numbers;
   while (const dirent* const entry = ::readdir(folder.get()))
     if (const auto number = number_of(entry->d_name)) numbers.push_back(*number);

@@ -23,6 +23,7 @@
 
 #include "base/error_kinds.h"
 #include "base/large_memory.h"
+#include "base/owned.h"
 #include "display/clock.h"
 #include "display/display.h"
 #include "display/scanout_format.h"
@@ -114,13 +115,9 @@ class VirtualBuffer final : public ScanoutBuffer {
   }
 
  private:
-  struct FreeMemory {
-    void operator()(uint32_t* words) const noexcept { std::free(words); }
-  };
-
   ScanoutLayout layout_;
   size_t stride_;
-  std::unique_ptr<uint32_t, FreeMemory> words_;
+  Owned<uint32_t, std::free> words_;
   std::atomic<BufferState> state_{BufferState::Free};
   std::atomic<bool> recording_{false};
 };

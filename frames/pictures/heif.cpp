@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/owned.h"
+
 namespace lenticule::frames::pictures {
 namespace {
 
@@ -36,17 +38,10 @@ Bytes box_in(Bytes in, std::string_view type) {
   return {};
 }
 
-template <auto kRelease>
-struct Release {
-  template <class T>
-  void operator()(T* object) const {
-    kRelease(object);
-  }
-};
-using Context = std::unique_ptr<heif_context, Release<heif_context_free>>;
-using Handle = std::unique_ptr<heif_image_handle, Release<heif_image_handle_release>>;
-using Options = std::unique_ptr<heif_decoding_options, Release<heif_decoding_options_free>>;
-using Image = std::unique_ptr<heif_image, Release<heif_image_release>>;
+using Context = Owned<heif_context, heif_context_free>;
+using Handle = Owned<heif_image_handle, heif_image_handle_release>;
+using Options = Owned<heif_decoding_options, heif_decoding_options_free>;
+using Image = Owned<heif_image, heif_image_release>;
 
 class HeifReader final : public OIIO::ImageInput {
  public:

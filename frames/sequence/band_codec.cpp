@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/owned.h"
 #include "frames/sequence/sequence_format.h"
 
 namespace lenticule::frames {
@@ -29,14 +30,8 @@ constexpr size_t kPartForSpeed = 16;
 /// Smaller bands stay in the caches.
 constexpr size_t kLeastStreamed = size_t{1} << 18;
 
-struct FreeCompressor {
-  void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
-};
-struct FreeDecompressor {
-  void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
-};
-using Compressor = std::unique_ptr<ZSTD_CCtx, FreeCompressor>;
-using Decompressor = std::unique_ptr<ZSTD_DCtx, FreeDecompressor>;
+using Compressor = Owned<ZSTD_CCtx, ZSTD_freeCCtx>;
+using Decompressor = Owned<ZSTD_DCtx, ZSTD_freeDCtx>;
 
 Compressor make_compressor() {
   Compressor context(ZSTD_createCCtx());

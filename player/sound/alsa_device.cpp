@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "base/error_kinds.h"
+#include "base/owned.h"
 #include "player/sound/sound_device.h"
 
 namespace lenticule::player {
@@ -17,11 +18,6 @@ namespace {
 
 constexpr unsigned kLatencyUs = 30'000;  ///< size of the device's buffer
 constexpr int kBlocksThere = 8;          ///< more than the buffer holds
-
-template <auto kClose>
-struct Close {
-  void operator()(auto* handle) const { kClose(handle); }
-};
 
 [[noreturn]] void refuse(const std::string& name, int error) {
   throw device_error("sound device '{}': {}", name, snd_strerror(error))
@@ -79,7 +75,7 @@ class AlsaDevice final : public SoundDevice {
   }
 
   std::string name_;
-  std::unique_ptr<snd_pcm_t, Close<snd_pcm_close>> pcm_;
+  Owned<snd_pcm_t, snd_pcm_close> pcm_;
   int in_a_row_ = 0;  ///< blocks without a wait
   std::array<int32_t, kSoundBlock * kSoundChannels> codes_{};
 };
@@ -148,7 +144,7 @@ PanelSound sound_of_panel(const std::string& connector) {
     const int error = snd_ctl_open(&opened, fmt::format("hw:{}", card).c_str(), SND_CTL_READONLY);
     if (error < 0) problem = fmt::format("sound card {}: {}", card, snd_strerror(error));
     if (error < 0) continue;
-    const std::unique_ptr<snd_ctl_t, Close<snd_ctl_close>> control(opened);
+    const Owned<snd_ctl_t, snd_ctl_close> control(opened);
     (void)snd_ctl_card_info(opened, info);
     for (int device = -1; snd_ctl_pcm_next_device(opened, &device) == 0 && device >= 0;)
       outputs.push_back({fmt::format("plughw:{},{}", card, device),

@@ -10,7 +10,6 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -18,30 +17,22 @@
 #include <vector>
 
 #include "base/error_kinds.h"
+#include "base/owned.h"
 
 namespace lenticule::display {
 
 // Owners of objects from libdrm and the kernel; each releases its object once.
 
-template <auto Release>
-struct LibdrmDelete {
-  template <typename Object>
-  void operator()(Object* object) const noexcept {
-    Release(object);
-  }
-};
-
-using DrmResources = std::unique_ptr<drmModeRes, LibdrmDelete<drmModeFreeResources>>;
-using DrmConnector = std::unique_ptr<drmModeConnector, LibdrmDelete<drmModeFreeConnector>>;
-using DrmCrtc = std::unique_ptr<drmModeCrtc, LibdrmDelete<drmModeFreeCrtc>>;
-using DrmPlane = std::unique_ptr<drmModePlane, LibdrmDelete<drmModeFreePlane>>;
-using DrmPlanes = std::unique_ptr<drmModePlaneRes, LibdrmDelete<drmModeFreePlaneResources>>;
-using DrmProperty = std::unique_ptr<drmModePropertyRes, LibdrmDelete<drmModeFreeProperty>>;
-using DrmObjectProperties =
-    std::unique_ptr<drmModeObjectProperties, LibdrmDelete<drmModeFreeObjectProperties>>;
-using DrmBlob = std::unique_ptr<drmModePropertyBlobRes, LibdrmDelete<drmModeFreePropertyBlob>>;
-using DrmVersion = std::unique_ptr<drmVersion, LibdrmDelete<drmFreeVersion>>;
-using DrmAtomicReq = std::unique_ptr<drmModeAtomicReq, LibdrmDelete<drmModeAtomicFree>>;
+using DrmResources = Owned<drmModeRes, drmModeFreeResources>;
+using DrmConnector = Owned<drmModeConnector, drmModeFreeConnector>;
+using DrmCrtc = Owned<drmModeCrtc, drmModeFreeCrtc>;
+using DrmPlane = Owned<drmModePlane, drmModeFreePlane>;
+using DrmPlanes = Owned<drmModePlaneRes, drmModeFreePlaneResources>;
+using DrmProperty = Owned<drmModePropertyRes, drmModeFreeProperty>;
+using DrmObjectProperties = Owned<drmModeObjectProperties, drmModeFreeObjectProperties>;
+using DrmBlob = Owned<drmModePropertyBlobRes, drmModeFreePropertyBlob>;
+using DrmVersion = Owned<drmVersion, drmFreeVersion>;
+using DrmAtomicReq = Owned<drmModeAtomicReq, drmModeAtomicFree>;
 
 /// DrmId owns a kernel object identified by (descriptor, id). Lifetime: the descriptor must outlive
 /// it.

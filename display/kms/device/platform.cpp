@@ -12,6 +12,7 @@
 #include <ctime>
 
 #include "base/error_kinds.h"
+#include "base/owned.h"
 #include "display/clock.h"
 
 namespace lenticule::display {
@@ -42,16 +43,9 @@ Nanoseconds read_clock(clockid_t id) noexcept {
   return Nanoseconds(time.tv_sec * kNanosecondsPerSecond + time.tv_nsec);
 }
 
-template <auto Release>
-struct UdevUnref {
-  template <typename Object>
-  void operator()(Object* object) const noexcept {
-    Release(object);
-  }
-};
-using Udev = std::unique_ptr<udev, UdevUnref<udev_unref>>;
-using UdevMonitor = std::unique_ptr<udev_monitor, UdevUnref<udev_monitor_unref>>;
-using UdevDevice = std::unique_ptr<udev_device, UdevUnref<udev_device_unref>>;
+using Udev = Owned<udev, udev_unref>;
+using UdevMonitor = Owned<udev_monitor, udev_monitor_unref>;
+using UdevDevice = Owned<udev_device, udev_device_unref>;
 
 /// UdevHotplug receives hotplug events from udev. Every "change" of a card counts: events from the
 /// kernel, `udevadm trigger` and sysfs differ only in details that are probed afterwards anyway.
