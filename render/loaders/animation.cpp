@@ -10,7 +10,7 @@
 
 #include "base/error_kinds.h"
 #include "base/file.h"
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"
 #include "render/scene/stage.h"

@@ -29,7 +29,6 @@
 #include "optics/vec.h"
 #include "render/loaders/animation.h"
 #include "render/loaders/formats.h"
-#include "render/loaders/limits.h"
 #include "render/loaders/load_scene.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"

@@ -15,7 +15,7 @@
 #include <tuple>
 
 #include "frames/srgb.h"
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 #include "render/scene/stage.h"
 
 namespace lenticule::render {

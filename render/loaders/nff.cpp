@@ -7,7 +7,7 @@
 #include <limits>
 #include <utility>
 
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"
 #include "render/scene/stage.h"

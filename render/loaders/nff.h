@@ -20,8 +20,8 @@ namespace lenticule::render {
 /// triangulate).
 [[nodiscard]] SceneDescription parse_nff(std::string_view text, const std::string& source);
 
-/// NffScene takes finite numbers within the limits of render/loaders/limits.h, and repairs or drops
-/// primitives without effect on the picture; finish() adds notes about them.
+/// NffScene takes finite numbers within the limits of render/loaders/formats.h, and repairs or
+/// drops primitives without effect on the picture; finish() adds notes about them.
 class NffScene {
  public:
   explicit NffScene(const std::string& source) {

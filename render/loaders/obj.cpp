@@ -20,7 +20,6 @@
 #include "base/numbers.h"
 #include "base/text.h"
 #include "render/loaders/formats.h"
-#include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"
 #include "render/loaders/textures.h"

@@ -18,7 +18,6 @@
 
 #include "base/numbers.h"
 #include "render/loaders/formats.h"
-#include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"
 #include "render/loaders/textures.h"

@@ -23,7 +23,7 @@
 
 #include "base/error.h"
 #include "frames/image_io.h"
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 
 namespace lenticule::render {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "base/file.h"
 #include "base/text.h"
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 
 namespace lenticule::render {
 namespace {

@@ -14,7 +14,6 @@
 
 #include "base/text.h"
 #include "render/loaders/formats.h"
-#include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/text_reader.h"
 

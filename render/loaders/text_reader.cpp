@@ -7,7 +7,7 @@
 
 #include "base/error_kinds.h"
 #include "base/numbers.h"
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 
 namespace lenticule::render {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "base/error_kinds.h"
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 #include "render/scene/texture.h"
 
 namespace lenticule::render {

@@ -21,7 +21,7 @@
 #include "frames/image_io.h"
 #include "frames/pictures/picture_messages.h"
 #include "player/process/confined_process.h"
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/scene_archive.h"
 #include "render/loaders/scene_files.h"
 #include "render/loaders/scene_messages.h"

@@ -12,7 +12,7 @@
 
 namespace lenticule::tools {
 
-/// Limits for one model, in addition to those of render/loaders/limits.h. Each also grows with the
+/// Limits for one model, in addition to those of render/loaders/formats.h. Each also grows with the
 /// size of the file.
 struct SceneLimits {
   /// Processor time of the reader, which does not depend on the load of the machine.

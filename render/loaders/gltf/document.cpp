@@ -15,7 +15,7 @@
 
 #include "base/error_kinds.h"
 #include "base/text.h"
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/text_reader.h"
 #include "render/loaders/textures.h"
 

@@ -24,7 +24,6 @@
 #include "render/loaders/formats.h"
 #include "render/loaders/gltf/document.h"
 #include "render/loaders/gltf/materials.h"
-#include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"
 #include "render/loaders/viewer_choices.h"
 #include "render/scene/stage.h"

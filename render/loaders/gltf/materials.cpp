@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "base/error_kinds.h"
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 
 namespace lenticule::render::gltf {
 namespace {

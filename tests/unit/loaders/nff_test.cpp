@@ -9,7 +9,7 @@
 #include <map>
 #include <sstream>
 
-#include "render/loaders/limits.h"
+#include "render/loaders/formats.h"
 #include "render/loaders/load_scene.h"
 #include "tests/support/error_matchers.h"
 
