@@ -84,9 +84,22 @@ void parse_rig_trim(const JsonFields& fields, SequenceInfo& info) {
                    .pitch_relative = fields.number_or("pitch_relative", 0.0, -kPitch, kPitch)};
 }
 
-bool fits_offset(uint64_t offset, size_t bytes) {
+/// Reads or writes all bytes; `call` is pread() or pwrite().
+template <class Byte>
+bool move_all(auto call, int fd, uint64_t offset, std::span<Byte> bytes) noexcept {
   constexpr auto kMost = static_cast<uint64_t>(std::numeric_limits<off_t>::max());
-  return offset <= kMost && bytes <= kMost - offset;
+  if (offset > kMost || bytes.size() > kMost - offset) {
+    errno = EFBIG;
+    return false;
+  }
+  while (!bytes.empty()) {
+    const ssize_t count = call(fd, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return false;
+    bytes = bytes.subspan(static_cast<size_t>(count));
+    offset += static_cast<uint64_t>(count);
+  }
+  return true;
 }
 
 // A non-text byte, the name, both kinds of line end, an end-of-file character: a program that
@@ -354,30 +367,11 @@ uint64_t size_of(int fd) noexcept {
 }
 
 bool read_at(int fd, uint64_t offset, std::span<uint8_t> to) noexcept {
-  if (!fits_offset(offset, to.size())) return false;
-  while (!to.empty()) {
-    const ssize_t count = ::pread(fd, to.data(), to.size(), static_cast<off_t>(offset));
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return false;
-    to = to.subspan(static_cast<size_t>(count));
-    offset += static_cast<uint64_t>(count);
-  }
-  return true;
+  return move_all(::pread, fd, offset, to);
 }
 
 bool write_at(int fd, uint64_t offset, std::span<const uint8_t> from) noexcept {
-  if (!fits_offset(offset, from.size())) {
-    errno = EFBIG;
-    return false;
-  }
-  while (!from.empty()) {
-    const ssize_t count = ::pwrite(fd, from.data(), from.size(), static_cast<off_t>(offset));
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return false;
-    from = from.subspan(static_cast<size_t>(count));
-    offset += static_cast<uint64_t>(count);
-  }
-  return true;
+  return move_all(::pwrite, fd, offset, from);
 }
 
 uint64_t checksum_of(std::span<const uint8_t> bytes) noexcept {
