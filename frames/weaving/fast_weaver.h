@@ -59,19 +59,8 @@ inline bool can_permute() {
 }
 
 [[nodiscard]] inline const char* to_string(WeaveKernel kernel) {
-  switch (kernel) {
-    case WeaveKernel::Plain:
-      return "plain";
-    case WeaveKernel::Transposed:
-      return "turned";
-    case WeaveKernel::Neon:
-      return "neon";
-    case WeaveKernel::Avx2:
-      return "avx2";
-    case WeaveKernel::Permute:
-      return "permute";
-  }
-  return "unknown";
+  constexpr const char* kNames[] = {"plain", "turned", "neon", "avx2", "permute"};
+  return kNames[static_cast<size_t>(kernel)];
 }
 /// Returns true if this machine and plan can use the kernel.
 [[nodiscard]] inline bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan) {

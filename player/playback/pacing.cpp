@@ -70,15 +70,8 @@ LatePolicy parse_late_policy(std::string_view text) {
 }
 
 const char* late_policy_name(LatePolicy policy) {
-  switch (policy) {
-    case LatePolicy::Slip:
-      return "slip";
-    case LatePolicy::Drop:
-      return "drop";
-    case LatePolicy::Hold:
-      return "hold";
-  }
-  return "unknown";
+  constexpr const char* kNames[] = {"slip", "drop", "hold"};
+  return kNames[static_cast<size_t>(policy)];
 }
 
 }  // namespace lenticule::player

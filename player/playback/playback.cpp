@@ -971,19 +971,9 @@ bool PlaybackControl::copy_shown(frames::WovenFrame& into, size_t part) {
 }
 
 const char* outcome_name(PlayOutcome outcome) {
-  switch (outcome) {
-    case PlayOutcome::Finished:
-      return "finished";
-    case PlayOutcome::Stopped:
-      return "interrupted";
-    case PlayOutcome::SourceFailed:
-      return "source failed";
-    case PlayOutcome::SourceStalled:
-      return "source stalled";
-    case PlayOutcome::DisplayLost:
-      return "display lost";
-  }
-  return "unknown";
+  constexpr const char* kNames[] = {"finished", "interrupted", "source failed", "source stalled",
+                                    "display lost"};
+  return kNames[static_cast<size_t>(outcome)];
 }
 
 PlayResult play(display::Display& display, frames::FrameSource& source,

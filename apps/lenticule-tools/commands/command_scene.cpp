@@ -33,15 +33,8 @@ namespace {
 using nlohmann::json;
 
 const char* kind_of(const render::Light& light) {
-  switch (light.kind) {
-    case render::Light::Kind::Point:
-      return "point";
-    case render::Light::Kind::Directional:
-      return "directional";
-    case render::Light::Kind::Spot:
-      return "spot";
-  }
-  return "";
+  constexpr const char* kNames[] = {"point", "directional", "spot"};
+  return kNames[static_cast<size_t>(light.kind)];
 }
 
 json to_json(Vec3 v) {
