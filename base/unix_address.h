@@ -8,7 +8,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "base/error_kinds.h"
+#include "base/error.h"
 
 namespace lenticule {
 
@@ -25,9 +25,10 @@ struct UnixAddress {
   UnixAddress result;
   if (text.empty()) throw Error(ErrorKind::Usage, "the path of the socket is empty");
   if (text.size() >= sizeof result.address.sun_path)
-    throw usage_error("{}: too long for a socket ({} bytes)", text, text.size())
-        .remedy("use a path of at most " + std::to_string(sizeof result.address.sun_path - 1) +
-                " bytes, for example below /run");
+    throw Error(ErrorKind::Usage,
+                text + ": too long for a socket (" + std::to_string(text.size()) + " bytes)",
+                "use a path of at most " + std::to_string(sizeof result.address.sun_path - 1) +
+                    " bytes, for example below /run");
   result.address.sun_family = AF_UNIX;
   std::memcpy(result.address.sun_path, text.data(), text.size());
   result.bytes = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + text.size() + 1);

@@ -15,7 +15,7 @@
 #include <optional>
 #include <thread>
 
-#include "base/error_kinds.h"
+#include "base/error.h"
 #include "base/unique_fd.h"
 #include "base/unix_address.h"
 
@@ -34,7 +34,7 @@ inline constexpr auto kLockPause = std::chrono::milliseconds(10);
 [[noreturn]] inline void fail(const std::filesystem::path& path, const char* what) {
   const int error = errno;
   const char* hint = error == ENOENT ? "create the folder first" : "";
-  throw failed_error("{}: {}: {}", path.string(), what, std::strerror(error)).remedy(hint);
+  throw Error(ErrorKind::Failed, path.string() + ": " + what + ": " + std::strerror(error), hint);
 }
 
 /// Locks the socket's folder while a player examines the socket file: two players that start at
@@ -47,7 +47,7 @@ inline UniqueFd lock_folder(const std::filesystem::path& path) {
     if (::flock(fd.get(), LOCK_EX | LOCK_NB) == 0) return fd;
     std::this_thread::sleep_for(kLockPause);
   }
-  throw device_error("{}: another program holds the lock of its folder", path.string());
+  throw Error(ErrorKind::Device, path.string() + ": another program holds the lock of its folder");
 }
 
 enum class Occupant { None, Dead, Alive, NotASocket };
@@ -73,10 +73,11 @@ inline void clear_the_way(const std::filesystem::path& path, const UnixAddress& 
       if (::unlink(path.c_str()) != 0) fail(path, "cannot replace the socket of a dead player");
       return;
     case Occupant::Alive:
-      throw device_error("{}: already in use by another player", path.string())
-          .remedy("stop that player, or use another socket");
+      throw Error(ErrorKind::Device, path.string() + ": already in use by another player",
+                  "stop that player, or use another socket");
     case Occupant::NotASocket:
-      throw usage_error("{}: exists and is not a socket", path.string()).remedy("use another name");
+      throw Error(ErrorKind::Usage, path.string() + ": exists and is not a socket",
+                  "use another name");
   }
 }
 
@@ -144,6 +145,8 @@ class ListenSocket {
         ::lstat(path_.c_str(), &status) == 0 && status.st_dev == device_ && status.st_ino == inode_;
     if (ours) ::unlink(path_.c_str());
   }
+  ListenSocket(const ListenSocket&) = delete;
+  ListenSocket& operator=(const ListenSocket&) = delete;
 
   [[nodiscard]] int fd() const { return fd_.get(); }
   /// Returns the next waiting connection; empty if there is none. Never blocks.

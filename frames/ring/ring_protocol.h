@@ -17,7 +17,7 @@
 #include <string_view>
 #include <type_traits>
 
-#include "base/error_kinds.h"
+#include "base/error.h"
 #include "base/unique_fd.h"
 #include "frames/rational.h"
 #include "frames/ring/ring_layout.h"
@@ -120,8 +120,8 @@ inline bool is_printable(std::string_view text) {
 template <size_t N>
 void write_field(const std::string& text, const char* what, char (&field)[N]) {
   if (text.size() >= N || !is_printable(text))
-    throw usage_error("ring: {} is too long or not plain text", what)
-        .remedy("use fewer than " + std::to_string(N) + " printable bytes");
+    throw Error(ErrorKind::Usage, std::string("ring: ") + what + " is too long or not plain text",
+                "use fewer than " + std::to_string(N) + " printable bytes");
   std::memcpy(field, text.data(), text.size());
 }
 

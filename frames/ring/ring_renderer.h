@@ -20,7 +20,7 @@
 #include <string>
 #include <thread>
 
-#include "base/error_kinds.h"
+#include "base/error.h"
 #include "base/unique_fd.h"
 #include "base/unix_address.h"
 #include "frames/frame.h"
@@ -90,7 +90,8 @@ inline constexpr std::chrono::milliseconds kTimeToAnswer{1000};
 }
 
 [[noreturn]] inline void throw_protocol_error(const std::string& path, const char* problem) {
-  throw input_error("{}: the other end does not speak the ring protocol: {}", path, problem);
+  throw Error(ErrorKind::Input,
+              path + ": the other end does not speak the ring protocol: " + problem);
 }
 
 class Attempt {
@@ -102,11 +103,11 @@ class Attempt {
   /// At first, `obstacle` is that of the attempt before.
   [[nodiscard]] std::optional<RingAdmission> run(const HelloMessage& hello, Obstacle& obstacle) {
     UniqueFd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-    if (!socket) throw failed_error("{}: {}", path_, std::strerror(errno));
+    if (!socket) throw Error(ErrorKind::Failed, path_ + ": " + std::strerror(errno));
     if (::connect(socket.get(), address_.get(), address_.bytes) != 0) {
       if (errno == EACCES || errno == EPERM || errno == EPROTOTYPE || errno == ENOTSOCK)
-        throw device_error("{}: {}", path_, std::strerror(errno))
-            .remedy("use the socket of a player that the same user started");
+        throw Error(ErrorKind::Device, path_ + ": " + std::strerror(errno),
+                    "use the socket of a player that the same user started");
       if (errno == EAGAIN) return std::nullopt;  // too many renderers are waiting already
       obstacle = {"no player listens there", "start the player first: lenticule play ring:SOCKET"};
       return std::nullopt;
@@ -159,7 +160,7 @@ inline RingAdmission handshake(const std::filesystem::path& path, const HelloMes
     if (std::chrono::steady_clock::now() >= deadline) break;
   }
   if (obstacle.cause.empty()) obstacle.cause = "the player does not answer";
-  throw device_error("{}: {}", path.string(), obstacle.cause).remedy(obstacle.hint);
+  throw Error(ErrorKind::Device, path.string() + ": " + obstacle.cause, obstacle.hint);
 }
 
 /// Maps the whole memory, after checking that no process can shrink it.
@@ -176,13 +177,14 @@ inline Mapping map_memory(const std::string& path, const RingAdmission& admissio
     throw_protocol_error(path, "the memory is not sealed");
   {
     const Mapping header(fd, 0, kHeaderBytes, PROT_READ);
-    if (!header) throw failed_error("{}: cannot map the ring", path);
+    if (!header) throw Error(ErrorKind::Failed, path + ": cannot map the ring");
     const auto* fields = std::launder(reinterpret_cast<const RingHeader*>(header.bytes().data()));
     if (const char* problem = read_header(*fields, promised, layout))
       throw_protocol_error(path, problem);
   }
   Mapping memory(fd, 0, layout.memory_bytes, PROT_READ | PROT_WRITE);
-  if (!memory) throw failed_error("{}: cannot map the ring: {}", path, std::strerror(errno));
+  if (!memory)
+    throw Error(ErrorKind::Failed, path + ": cannot map the ring: " + std::strerror(errno));
   ::madvise(memory.bytes().data(), memory.bytes().size(), MADV_HUGEPAGE);  // ignored if not allowed
   return memory;
 }
@@ -202,6 +204,8 @@ class RingRenderer {
         new RingRenderer(socket.string(), handshake(socket, make_hello(hello), timeout)));
   }
   ~RingRenderer() { abandon(); }
+  RingRenderer(const RingRenderer&) = delete;
+  RingRenderer& operator=(const RingRenderer&) = delete;
 
   /// Returns the geometry that the player requires.
   [[nodiscard]] FrameGeometry geometry() const { return layout_.geometry; }
