@@ -130,7 +130,7 @@ def three_viewpoints_give_the_rig_of_every_eye(vm):
     check_files(bench, report)
 
 
-@vm_test(BENCH)
+@vm_test(BENCH, slow=True)
 def an_unplugged_camera_leaves_the_rig_unchanged(vm):
     bench = Bench(vm)
     before = bench.files()

@@ -54,7 +54,7 @@ def virtio_shows_the_frame_exactly_after_the_output_was_off(vm):
     check_power(vm, lambda _, frame: vm.wait_for_screen(frame))
 
 
-@vm_test(VKMS)
+@vm_test(VKMS, slow=True)
 def vkms_composes_the_frame_exactly_after_the_output_was_off(vm):
     def still_exact(_, frame):
         wanted = vkms.expected_crc(frame)

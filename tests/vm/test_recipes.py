@@ -64,7 +64,7 @@ def is_busy(vm):
     return vm.run(words).stdout.strip() != "0"
 
 
-@vm_test(BUTTON)
+@vm_test(BUTTON, slow=True)
 def a_button_that_bounces_shows_the_cued_film_once(vm):
     require_tool("gpiomon")
     content = Content(vm, 640, 480, 3)
@@ -97,7 +97,7 @@ def cec_device(vm, kind):
     raise AssertionError(f"no CEC adapter is called {kind}")
 
 
-@vm_test(TELEVISION)
+@vm_test(TELEVISION, slow=True)
 def a_television_follows_the_output_and_is_asked(vm):
     require_tool("cec-follower")
     content = Content(vm, 640, 480, 3)

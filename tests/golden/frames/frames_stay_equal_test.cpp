@@ -81,10 +81,14 @@ TEST_F(FramesStayEqual, OfEveryMethod) {
 TEST_F(FramesStayEqual, OfEveryFeatureOfGltf) {
   const std::string models = path("models");
   ASSERT_EQ(run_process({JUDGE_MODELS, models}).exit_code, 0);
-  for (const auto& model : std::filesystem::directory_iterator(models))
-    for (const char* method : {"full", "adaptive"})
-      render(model.path().stem().string() + " " + method, model.path().string(),
+  for (const auto& model : std::filesystem::directory_iterator(models)) {
+    const std::string name = model.path().stem().string();
+    // Both methods shade alike. AdaptiveMaterials checks the samples that `adaptive` leaves out.
+    const bool both = name == "base-texture" || name == "blend" || name == "iridescence";
+    for (const char* method : both ? std::vector{"full", "adaptive"} : std::vector{"full"})
+      render(name + " " + method, model.path().string(),
              {"--rig", rig("paper-64"), "--method", method}, 0, 1);
+  }
   expect_committed("gltf", hashes_);
 }
 

@@ -18,19 +18,33 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
+/// Returns the patterns as pictures, which are drawn once for all tests.
+const std::vector<CameraPicture>& pictures_of(const std::vector<Pattern>& patterns,
+                                              const optics::Panel& panel) {
+  static const std::vector<CameraPicture> kPictures = [&] {
+    std::vector<CameraPicture> out;
+    frames::WovenFrame frame;
+    for (const Pattern& pattern : patterns) {
+      draw_pattern(pattern, panel, frame);
+      out.push_back(
+          {.width = panel.width_px, .height = panel.height_px, .channels = 3, .light = {}});
+      for (const uint8_t code : frame.bytes())
+        out.back().light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
+    }
+    return out;
+  }();
+  return kPictures;
+}
+
 /// PatternPictures is a camera whose pictures are the patterns with the given numbers, in order.
 class PatternPictures final : public Camera {
  public:
-  PatternPictures(const optics::Rig& rig, std::vector<size_t> order)
-      : panel_(rig.panel), patterns_(photo_patterns(rig)), order_(std::move(order)) {}
+  PatternPictures(const std::vector<CameraPicture>& pictures, std::vector<size_t> order)
+      : pictures_(pictures), order_(std::move(order)) {}
   [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
   [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds, Nanoseconds) override {
     if (next_ == order_.size()) return GrabStatus::Gone;
-    frames::WovenFrame frame;
-    draw_pattern(patterns_[order_[next_]], panel_, frame);
-    out = {.width = panel_.width_px, .height = panel_.height_px, .channels = 3, .light = {}};
-    for (const uint8_t code : frame.bytes())
-      out.light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
+    out = pictures_[order_[next_]];
     out.sequence = next_++;
     return GrabStatus::Ready;
   }
@@ -39,8 +53,7 @@ class PatternPictures final : public Camera {
   [[nodiscard]] std::string failure() const override { return "there are no more photographs"; }
 
  private:
-  optics::Panel panel_;
-  std::vector<Pattern> patterns_;
+  const std::vector<CameraPicture>& pictures_;
   std::vector<size_t> order_;
   size_t next_ = 0;
   CameraFacts facts_;
@@ -53,7 +66,7 @@ class PhotoOrder : public testing::Test {
   /// Captures all patterns and returns the numbers of the photographs that were not used.
   [[nodiscard]] std::vector<uint64_t> doubles() const {
     frames::NullSink sink(rig_.panel.width_px, rig_.panel.height_px);
-    PatternPictures camera(rig_, order_);
+    PatternPictures camera(pictures_of(patterns_, rig_.panel), order_);
     PatternCapture capture(sink, camera, rig_.panel,
                            {.average = 1,
                             .most_dropped = 0,

@@ -30,6 +30,17 @@ Calibration calibrate(const HandTrial& trial, const std::vector<PhonePhoto>& pho
   return calibrate_phone(photos, trial.chart(), trial.focal_px());
 }
 
+/// Photographs of one workshop, measured once for all tests.
+const HandTrial& five_photographs() {
+  static const HandTrial kTrial(101, test::small_workshop(5));
+  return kTrial;
+}
+
+std::vector<PhonePhoto> first_photographs(size_t count) {
+  const auto all = five_photographs().photos().begin();
+  return {all, all + static_cast<ptrdiff_t>(count)};
+}
+
 TEST(PhoneCalibration, FindsTheSheetForEveryEye) {
   const HandTrial trial(101, test::small_workshop(6));
   for (const PhonePhoto& photo : trial.photos()) EXPECT_EQ(photo.findings.refusal, "");
@@ -101,7 +112,7 @@ TEST(PhoneCalibration, PhotographsThatContradictEachOtherAreRefusedAndNamed) {
 }
 
 TEST(PhoneCalibration, APhotographThatSpoilsTheOthersIsSetAsideAndNamed) {
-  const HandTrial trial(101, test::small_workshop(5));
+  const HandTrial& trial = five_photographs();
   const auto with_spoiled = [&](size_t place, const auto& change) {
     std::vector<PhonePhoto> photos = trial.photos();
     change(photos[place].findings);
@@ -122,11 +133,10 @@ TEST(PhoneCalibration, APhotographThatSpoilsTheOthersIsSetAsideAndNamed) {
 
 // The fit does not show whether the sheet moved before the fourth or between the first three.
 TEST(PhoneCalibration, ThreePhotographsDoNotAccuseTheFourthOfASheetThatMoved) {
-  const HandTrial trial(101, test::small_workshop(5));
-  const auto with_moved = [&](size_t count) {
-    std::vector<PhonePhoto> photos(trial.photos().begin(), trial.photos().begin() + count);
+  const auto with_moved = [](size_t count) {
+    std::vector<PhonePhoto> photos = first_photographs(count);
     for (FringeBlock& block : photos.back().findings.blocks) block.phase += 0.2;
-    return calibrate(trial, photos);
+    return calibrate(five_photographs(), photos);
   };
   const Calibration four = with_moved(4);
   EXPECT_EQ(four.verdict, Verdict::Refused);
@@ -138,11 +148,10 @@ TEST(PhoneCalibration, ThreePhotographsDoNotAccuseTheFourthOfASheetThatMoved) {
 }
 
 TEST(PhoneCalibration, FewerThanThreePhotographsOfTheWholeChartAreNotEnough) {
-  const HandTrial trial(101, test::small_workshop(4));
-  const auto with_cut = [&](size_t count) {
-    std::vector<PhonePhoto> photos(trial.photos().begin(), trial.photos().begin() + count);
+  const auto with_cut = [](size_t count) {
+    std::vector<PhonePhoto> photos = first_photographs(count);
     photos.front().findings.covered = 0.7;
-    return calibrate(trial, photos);
+    return calibrate(five_photographs(), photos);
   };
   const Calibration three = with_cut(3);
   EXPECT_LT(three.drift.worst_lenses, HandTrial::kMostLenses);
@@ -159,8 +168,8 @@ const Parameter& parameter(const Calibration& calibration, const std::string& na
 
 // The chart is white, and a sheet refracts blue light more than red light.
 TEST(PhoneCalibration, TellsTheGapsOfTheColoursApart) {
-  const HandTrial trial(101, test::small_workshop(3));
-  const Calibration found = calibrate(trial, trial.photos());
+  const HandTrial& trial = five_photographs();
+  const Calibration found = calibrate(trial, first_photographs(3));
   EXPECT_THAT(found.warnings, ElementsAre(HasSubstr("3 photographs do not show")));
   const lab::Workshop& workshop = trial.workshop();
   const lab::SheetShape sheet(workshop.start.panel, workshop.build);

@@ -8,7 +8,7 @@
 #include "calib/photo/single_photo.h"
 #include "lab/panel/simulated_bench.h"
 #include "optics/model.h"
-#include "photo_stage.h"
+#include "tests/support/photo_stage.h"
 
 namespace lenticule::calib {
 namespace {

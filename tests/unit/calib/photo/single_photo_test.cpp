@@ -9,7 +9,7 @@
 #include <functional>
 
 #include "optics/model.h"
-#include "photo_stage.h"
+#include "tests/support/photo_stage.h"
 
 namespace lenticule::calib {
 namespace {

@@ -10,8 +10,8 @@
 #include <tuple>
 
 #include "frames/srgb.h"
-#include "photo_stage.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/photo_stage.h"
 
 namespace lenticule::calib {
 namespace {

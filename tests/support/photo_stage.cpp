@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "photo_stage.h"
+#include "tests/support/photo_stage.h"
 
 #include <algorithm>
 #include <cmath>
