@@ -20,6 +20,18 @@ namespace lenticule::calib {
   return std::isfinite(z) ? z : 700.0;
 }
 
+/// Returns eyes at the borders of the viewing zone of photographs by hand: up to 250 mm to each
+/// side at 0.8 to 1.2 of the viewing distance.
+[[nodiscard]] inline std::vector<Vec3> zone_of(const optics::Rig& rig) {
+  constexpr double kHalfWidthMm = 250.0;
+  std::vector<Vec3> eyes;
+  for (const double part : {0.8, 1.0, 1.2})
+    for (const double side : {-1.0, 0.0, 1.0})
+      eyes.push_back(
+          {side * kHalfWidthMm, rig.viewing.height.value, part * viewing_distance_mm(rig)});
+  return eyes;
+}
+
 /// Estimate is a value with its standard error.
 struct Estimate {
   double value = 0.0;
@@ -128,6 +140,8 @@ struct Calibration {
   std::optional<LensSpot> spot;
   LinkCheck link;
   DriftPrediction drift;
+  /// Of one photograph: the same as `drift` if the picture is as the phone took it; else 0.
+  double at_camera_lenses = 0.0;
   double seconds_computing = 0.0;
 };
 

@@ -30,7 +30,6 @@ constexpr double kMostShiftPull = 6.5;
 /// moved has 10 to 38, two phones often more than 7.
 constexpr double kUsualJointPull = 4.2, kMostJointPull = 7.0;
 constexpr double kMostSaturated = 0.1;  ///< clipped fringes seem shifted; usual are 0.002
-constexpr double kZoneHalfWidthMm = 250.0;
 /// Difference between traced lenses and the law of rigs with the gap and shape that fringes give:
 /// 95 of 100 sheets are within this for eyes at tangents up to 1.
 constexpr double kLawLenses = 0.006;
@@ -39,15 +38,6 @@ std::vector<PhotoFindings> findings_of(const std::vector<PhonePhoto>& photos) {
   std::vector<PhotoFindings> findings;
   for (const PhonePhoto& photo : photos) findings.push_back(photo.findings);
   return findings;
-}
-
-std::vector<Vec3> zone_of(const optics::Rig& rig) {
-  std::vector<Vec3> eyes;
-  for (const double part : {0.8, 1.0, 1.2})
-    for (const double side : {-1.0, 0.0, 1.0})
-      eyes.push_back(
-          {side * kZoneHalfWidthMm, rig.viewing.height.value, part * viewing_distance_mm(rig)});
-  return eyes;
 }
 
 void describe(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,

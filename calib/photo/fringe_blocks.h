@@ -35,6 +35,8 @@ struct PhotoPose {
   /// contradict: the axis may be a tenth of the longer side off the middle (a cropped picture), and
   /// a distance or a focal length without other confirmation may be a tenth off.
   std::array<double, 9> doubted_eye{};
+  /// The same if the picture is as the phone took it, whose axis is near the middle.
+  std::array<double, 9> uncropped_eye{};
   /// Distance of the priors from the fit, in their joint standard errors.
   double prior_pull = 0.0;
   double axis_pull = 0.0;     ///< the same for the prior of the axis

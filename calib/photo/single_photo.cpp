@@ -668,7 +668,7 @@ Viewpoint viewpoint_of(const PhotoMeasurement& work, const Effective& effective)
 /// Returns the variance of the phase at a panel point, for an eye at the estimated camera position,
 /// that results from the uncertainty of this position.
 double variance_of_place(const PhotoMeasurement& work, const optics::OpticalModel& model,
-                         Vec2 panel_px) {
+                         const std::array<double, 9>& eye_covariance, Vec2 panel_px) {
   const Vec3 e = work.camera.pose->eye_mm;
   const auto phase = [&](double x, double y, double z) {
     return model.phase(panel_px.x, panel_px.y, kGreen, {e.x + x, e.y + y, e.z + z});
@@ -676,13 +676,13 @@ double variance_of_place(const PhotoMeasurement& work, const optics::OpticalMode
   const Eigen::Vector3d slopes(0.5 * (phase(1, 0, 0) - phase(-1, 0, 0)),
                                0.5 * (phase(0, 1, 0) - phase(0, -1, 0)),
                                0.5 * (phase(0, 0, 1) - phase(0, 0, -1)));
-  const Eigen::Map<const Eigen::Matrix3d> doubted(work.camera.pose->doubted_eye.data());
-  return slopes.dot(doubted * slopes);
+  return slopes.dot(Eigen::Map<const Eigen::Matrix3d>(eye_covariance.data()) * slopes);
 }
 
-/// Returns the drift for this eye only, since the result is valid only there. With `placed`, the
-/// eye is put at the measured millimetres; otherwise the eye is at the true position of the camera.
-DriftPrediction drift_of(const PhotoMeasurement& work, bool placed) {
+/// Returns the drift for an eye at the measured place of the camera, since the result is valid only
+/// there.
+DriftPrediction drift_of(const PhotoMeasurement& work,
+                         const std::array<double, 9>& eye_covariance) {
   const Eigen::Matrix3d covariance = plane_covariance(work);
   const optics::OpticalModel model(work.sheet.rig);
   DriftPrediction worst;
@@ -690,11 +690,11 @@ DriftPrediction drift_of(const PhotoMeasurement& work, bool placed) {
   for (const double x : {-0.5, 0.5}) {
     for (const double y : {-0.5, 0.5}) {
       const Eigen::Vector3d corner(1.0, x, y);
-      double variance = corner.dot(covariance * corner);
       const optics::Panel& panel = work.sheet.rig.panel;
-      if (placed)
-        variance += variance_of_place(work, model,
-                                      {(x + 0.5) * panel.width_px, (y + 0.5) * panel.height_px});
+      const double variance =
+          corner.dot(covariance * corner) +
+          variance_of_place(work, model, eye_covariance,
+                            {(x + 0.5) * panel.width_px, (y + 0.5) * panel.height_px});
       const double off = 2.0 * std::sqrt(std::max(variance, 0.0));
       if (off < worst.worst_lenses) continue;
       worst.worst_lenses = off;
@@ -703,6 +703,28 @@ DriftPrediction drift_of(const PhotoMeasurement& work, bool placed) {
     }
   }
   return worst;
+}
+
+/// Returns the largest change of a phase anywhere in the viewing zone if the gap is a tenth larger,
+/// which looks the same from the place of the camera.
+double lenses_of_gap(const PhotoMeasurement& work) {
+  optics::Rig wider = work.sheet.rig;
+  wider.sheet.gap.value *= 1.1;
+  const optics::OpticalModel model(work.sheet.rig), other(wider);
+  const Vec3 camera = work.camera.pose->eye_mm;
+  const auto change = [&](Vec2 at, const Vec3& eye) {
+    const optics::Eye from{eye.x, eye.y, eye.z};
+    return other.phase(at.x, at.y, kGreen, from) - model.phase(at.x, at.y, kGreen, from);
+  };
+  double largest = 0.0;
+  for (const Vec3& eye : zone_of(work.sheet.rig))
+    for (const int x : {0, work.sheet.rig.panel.width_px})
+      for (const int y : {0, work.sheet.rig.panel.height_px}) {
+        const Vec2 at{double(x), double(y)};
+        const double off = change(at, eye) - change(at, camera);
+        largest = std::max(largest, std::abs(off - std::round(off)));
+      }
+  return largest;
 }
 
 void add_warnings(const PhotoMeasurement& work, const SinglePhotoChart& chart, bool confirmed,
@@ -730,16 +752,14 @@ void add_warnings(const PhotoMeasurement& work, const SinglePhotoChart& chart, b
     out.warnings.emplace_back(
         "photograph: too small to check whether the chart was shown pixel by pixel; take it nearer "
         "to the panel");
-  const double there = drift_of(work, false).worst_lenses;
-  if (out.drift.worst_lenses > std::max(kEvenLenses, 2.0 * there))
-    out.warnings.push_back(
-        fmt::format("phases are right to {:.3f} lens for an eye at the camera's place, but only to "
-                    "{:.2f} for one at the stated distance: the picture does not show whether it "
-                    "was cropped{}",
-                    there, out.drift.worst_lenses,
-                    confirmed ? ""
-                              : ", nor confirm the distance; give both "
-                                "--distance and --focal-px"));
+  out.warnings.push_back(fmt::format(
+      "phases are certain to {:.2f} lens for an eye at the camera's place if the picture is as the "
+      "phone took it, to {:.2f} if it may have been cropped{}, and to {:.1f} anywhere in the "
+      "viewing "
+      "zone, since one photograph does not show the gap",
+      out.at_camera_lenses, out.drift.worst_lenses,
+      confirmed ? "" : " and the distance is not confirmed (give both --distance and --focal-px)",
+      std::hypot(out.at_camera_lenses, lenses_of_gap(work))));
 }
 
 /// Adds rig, viewpoint, parameters, drift, verdict and warnings of a photograph that is not
@@ -757,7 +777,8 @@ void add_findings(const PhotoMeasurement& work, const SinglePhotoChart& chart,
                     {"slant", "px/px", effective.estimates[1]},
                     {"effective_offset_lenses", "lenses", effective.estimates[2]}};
   out.correlations = effective.correlations;
-  out.drift = drift_of(work, true);
+  out.drift = drift_of(work, work.camera.pose->doubted_eye);
+  out.at_camera_lenses = drift_of(work, work.camera.pose->uncropped_eye).worst_lenses;
   out.verdict = Verdict::Effective;
   out.reasons = {
       "one photograph determines pitch and offset only for its place; the gap is that of the "

@@ -504,6 +504,7 @@ json report_json(const Calibration& c) {
           {"spot", spot(c.spot)},
           {"link", link(c.link)},
           {"drift", drift(c.drift)},
+          {"at_camera_lenses", c.at_camera_lenses > 0.0 ? number(c.at_camera_lenses) : json()},
           {"seconds_computing", number(c.seconds_computing)}};
 }
 

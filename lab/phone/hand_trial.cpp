@@ -87,7 +87,7 @@ HandResult HandTrial::calibrate(int photographs) const {
   if (!out.fitted) return out;
   out.error_lenses = single ? worst_error(found.rig, sheet_, {workshop_.shots.front().eye_mm})
                             : error_of(found.rig);
-  out.stated_lenses = found.drift.worst_lenses;
+  out.stated_lenses = single ? found.at_camera_lenses : found.drift.worst_lenses;
   if (single ? out.stated_lenses <= kMostLenses : !refused)
     out.outcome = out.error_lenses <= kMostLenses ? HandOutcome::Right : HandOutcome::Wrong;
   return out;

@@ -311,24 +311,41 @@ TEST(SinglePhoto, RefusesAPanelSizeThatTheMeasuredDistanceContradicts) {
               ElementsAre(HasSubstr("the panel's size in the rig is wrong by 16 %")));
 }
 
+/// Returns the picture without columns at its left, so that the camera's axis is off the middle.
+CameraPicture cut_at_the_left(const CameraPicture& whole, int columns) {
+  CameraPicture cut = whole;
+  cut.width = whole.width - columns;
+  cut.light.clear();
+  for (int j = 0; j < whole.height; ++j)
+    for (int i = columns; i < whole.width; ++i)
+      cut.light.push_back(whole.light[static_cast<size_t>(j) * static_cast<size_t>(whole.width) +
+                                      static_cast<size_t>(i)]);
+  return cut;
+}
+
 TEST(SinglePhoto, AnOffCentreCropIsRefusedOrWithinTheStatedError) {
   PhotoStage s = stage();
   s.rays_per_side = 2;
   s.focal_px = 780.0;
   for (const double yaw : {0.0, 10.0}) {
     s.yaw_degrees = yaw;
-    const CameraPicture whole = photograph(s, shown().frame);
-    CameraPicture cropped = whole;
-    cropped.width = 7 * whole.width / 10;  // cut off at the left
-    cropped.light.clear();
-    for (int j = 0; j < whole.height; ++j)
-      for (int i = whole.width - cropped.width; i < whole.width; ++i)
-        cropped.light.push_back(
-            whole.light[static_cast<size_t>(j) * static_cast<size_t>(whole.width) +
-                        static_cast<size_t>(i)]);
+    const CameraPicture cropped = cut_at_the_left(photograph(s, shown().frame), 3 * s.width / 10);
     expect_honest(fit_single_photo(cropped, shown().chart, tape(s)), s,
                   "yaw " + std::to_string(yaw));
   }
+}
+
+// The axis of a phone is up to 0.8 % of the picture's width off the middle.
+TEST(SinglePhoto, StatesWhatAnUnknownAxisCosts) {
+  PhotoStage s = stage();
+  s.rays_per_side = 2;
+  const CameraPicture picture = cut_at_the_left(photograph(s, shown().frame), 12);
+  const Calibration found = fit_single_photo(picture, shown().chart, tape(s));
+  ASSERT_EQ(found.verdict, Verdict::Effective);
+  EXPECT_GT(placed_error(found, s), 0.01);
+  EXPECT_LT(placed_error(found, s), found.at_camera_lenses);
+  EXPECT_LT(found.at_camera_lenses, 0.5 * found.drift.worst_lenses);
+  EXPECT_THAT(found.warnings.back(), HasSubstr("one photograph does not show the gap"));
 }
 
 TEST(SinglePhoto, SurvivesArbitraryPictures) {
