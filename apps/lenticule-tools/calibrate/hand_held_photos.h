@@ -251,9 +251,10 @@ struct PhotoPack {
 };
 
 inline void declare_pack_flag(CLI::App& app, std::string& archive) {
-  cli::add_option(app, "--pack FILE", archive,
-                  "also write a tar archive of photographs, rig and result\n"
-                  "Others can repeat the calibration with it.");
+  cli::add_option(
+      app, "--pack FILE", archive,
+      "also write a tar archive of photographs, rig and result\n"
+      "Others can repeat the calibration with it. JPEG files lose place, time and owner.");
 }
 
 inline std::string command_of(const PhotoPack& pack, const std::vector<std::string>& names) {
@@ -264,6 +265,24 @@ inline std::string command_of(const PhotoPack& pack, const std::vector<std::stri
   if (!pack.distances_mm.empty())
     command += fmt::format(" --distance {}", fmt::join(pack.distances_mm, ","));
   return command;
+}
+
+/// Copies photographs, JPEG files without what they say of place, time and owner.
+inline void pack_source(const std::filesystem::path& from, const std::filesystem::path& to) {
+  if (std::filesystem::is_directory(from)) {
+    std::filesystem::create_directory(to);
+    for (const auto& entry : std::filesystem::directory_iterator(from))
+      pack_source(entry.path(), to / entry.path().filename());
+    return;
+  }
+  std::ifstream in(from, std::ios::binary);
+  const std::vector<char> text{std::istreambuf_iterator<char>(in), {}};
+  const std::vector<uint8_t> bytes =
+      calib::anonymous_jpeg({reinterpret_cast<const uint8_t*>(text.data()), text.size()});
+  if (bytes.empty())
+    std::filesystem::copy(from, to);
+  else
+    write_text_file(to, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 /// Returns "02-IMG_7.jpg" for the second source.
@@ -299,8 +318,7 @@ inline void write_photo_pack(const PhotoPack& pack, const std::filesystem::path&
     std::vector<std::string> names;
     for (size_t k = 0; k < pack.sources.size(); ++k) {
       names.push_back(name_in_pack(k, pack.sources[k]));
-      std::filesystem::copy(pack.sources[k], folder / names.back(),
-                            std::filesystem::copy_options::recursive);
+      pack_source(pack.sources[k], folder / names.back());
     }
     optics::save_rig(pack.start, folder / "start.toml");
     write_text_file(folder / "report.json", pack.report.dump(2) + "\n");

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "frames/picture_codec.h"
-#include "jpeg_maker.h"
+#include "tests/support/jpeg_maker.h"
 #include "tests/support/error_matchers.h"
 
 namespace lenticule::frames {

@@ -3,7 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+#include <tuple>
 #include <vector>
+
+#include "frames/image_io.h"
+#include "tests/support/jpeg_maker.h"
 
 namespace lenticule::calib {
 namespace {
@@ -27,6 +32,41 @@ TEST(Exif, EveryTruncatedFileStatesNothingOrTheSame) {
     if (stated) EXPECT_EQ(*stated, 26.0);
   }
   EXPECT_FALSE(stated_focal_35mm(std::span<const uint8_t>(jpeg.data(), 20)));
+}
+
+// Kinds of files whose coded pixels are cut in different ways.
+TEST(Exif, AnAnonymousPhotographHasTheSamePixelsAndNothingElse) {
+  for (const test::JpegKind& kind :
+       {test::JpegKind{.exif = test::exif_of(6)},
+        test::JpegKind{.across = 2, .down = 2, .progressive = true, .exif = test::exif_of(3)},
+        test::JpegKind{.pixels = JCS_GRAYSCALE, .stored = JCS_GRAYSCALE},
+        test::JpegKind{.pixels = JCS_CMYK, .stored = JCS_YCCK},
+        test::JpegKind{.restart_rows = 1}}) {
+    std::vector<uint8_t> jpeg = test::jpeg_of(40, 24, kind);
+    const std::string place = "51 degrees north", owner = "a name";
+    for (const int marker : {0xe1, 0xed, 0xfe}) {
+      std::vector<uint8_t> segment = {0xff, static_cast<uint8_t>(marker), 0,
+                                      static_cast<uint8_t>(2 + place.size())};
+      segment.insert(segment.end(), place.begin(), place.end());
+      jpeg.insert(jpeg.end() - 2, segment.begin(), segment.end());
+      jpeg.insert(jpeg.begin() + 2, segment.begin(), segment.end());
+    }
+    jpeg.insert(jpeg.end(), owner.begin(), owner.end());
+    const std::vector<uint8_t> bare = anonymous_jpeg(jpeg);
+    const std::string text(bare.begin(), bare.end());
+    EXPECT_EQ(text.find(place), std::string::npos);
+    EXPECT_EQ(text.find(owner), std::string::npos);
+    EXPECT_EQ(anonymous_jpeg(bare), bare);
+    const auto pixels = [](const std::vector<uint8_t>& bytes) {
+      const frames::TextureImage image = frames::read_texture(bytes, "photograph.jpg");
+      return std::tuple(image.width, image.height, image.codes, image.rgba);
+    };
+    EXPECT_EQ(pixels(bare), pixels(jpeg));
+  }
+  const std::vector<uint8_t> stating = stating_26_mm();
+  const std::vector<uint8_t> bare = anonymous_jpeg(stating);
+  EXPECT_EQ(stated_focal_35mm(std::span<const uint8_t>(bare)), 26.0);
+  EXPECT_TRUE(anonymous_jpeg(std::vector<uint8_t>{'n', 'o', 'n', 'e'}).empty());
 }
 
 TEST(Exif, AMissingFileStatesNothing) {
