@@ -283,11 +283,27 @@ double panel_axis_x(const PoseValues& pose) {
   return in_camera[0];
 }
 
+/// Returns true if photographs are frames of a film.
+bool is_film(const std::vector<PhonePhoto>& photos) {
+  return std::ranges::any_of(
+      photos, [](const PhonePhoto& photo) { return photo.findings.motion.has_value(); });
+}
+
+/// Determines whether a phone shifted many frames of a film to steady the picture.
+bool is_stabilised(const PhoneFit& fit) {
+  constexpr double kShifted = 3.0;  // standard deviations
+  const auto shifted = std::ranges::count_if(
+      fit.photos, [](const PhotoFit& frame) { return frame.shift_pull > kShifted; });
+  return 3 * static_cast<size_t>(shifted) >= fit.photos.size() || joint_pull(fit) > kMostJointPull;
+}
+
 /// Returns what another photograph should be like: one instead of a cut one, one from each place,
 /// then one with the phone the other way up. At the sides the phone should be raised: seen at an
 /// angle from above, the panel shows a shift of the axis to the side, which would otherwise look
 /// like a step.
 std::string wanted(const std::vector<PhonePhoto>& photos, const PhoneFit& fit) {
+  if (is_film(photos))
+    return "film again, from a step at the upper left, past the middle, to the upper right";
   if (std::string again = cut_chart(photos); !again.empty()) return again;
   constexpr std::array<const char*, 3> kPlaces = {"upper left", "middle", "upper right"};
   constexpr double kAside = 0.25;
@@ -364,9 +380,9 @@ void set_result(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
 void evaluate_error(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
                     const PhoneFit& mean, const optics::Rig& start, Calibration& out) {
   if (out.drift.worst_lenses > kWantedLenses) {
-    out.reasons.push_back(
-        fmt::format("phases are certain only to {:.3f} lens, {} photographs are not enough: {}",
-                    out.drift.worst_lenses, photos.size(), wanted(photos, mean)));
+    out.reasons.push_back(fmt::format(
+        "phases are certain only to {:.3f} lens, {} {} are not enough: {}", out.drift.worst_lenses,
+        photos.size(), is_film(photos) ? "frames" : "photographs", wanted(photos, mean)));
   } else if (depends_on_cut(photos)) {
     out.reasons.push_back(cut_chart(photos));
   } else if (const TurnedFit* turned = possibly_moved_hand(fit, mean, start, zone_of(start))) {
@@ -383,12 +399,12 @@ void evaluate_error(const std::vector<PhonePhoto>& photos, const PhoneFit& fit,
 }  // namespace
 
 PhotoFindings measure_hand_held(const CameraPicture& photograph, const SinglePhotoChart& chart,
-                                const Estimate& focal_px) {
+                                const Estimate& focal_px, bool only_tags) {
   const double distance = viewing_distance_mm(chart.start);
   PhotoPriors priors;
   priors.focal_px = focal_px;
   priors.distance_mm = Estimate{distance, 0.3 * distance};
-  PhotoFindings findings = measure_photo(photograph, chart, priors);
+  PhotoFindings findings = measure_photo(photograph, chart, priors, only_tags);
   if (findings.refusal.empty() && findings.saturated > kMostSaturated)
     findings.refusal =
         fmt::format("{:.0f} % of the fringes are clipped: expose less, or darken the room",
@@ -418,6 +434,12 @@ Calibration calibrate_phone(const std::vector<PhonePhoto>& photos, const SingleP
   const double averaged = usable.front().findings.averaged;
   const Estimate focal{focal_px.value / averaged, focal_px.sigma / averaged};
   JointResult joint = fit_jointly(usable, chart, focal);
+  if (is_film(usable) && joint.fit && !joint.agrees && is_stabilised(*joint.fit)) {
+    out.reasons.emplace_back(
+        "the phone shifted the pictures of the film to steady them: switch video stabilisation off "
+        "and film again");
+    return out;
+  }
   while (!joint.agrees && set_odd_aside(usable, chart, focal, joint, out)) continue;
   if (!joint.fit) {
     out.reasons.push_back(joint.cause);

@@ -18,10 +18,11 @@ struct PhonePhoto {
 };
 
 /// Measures a photograph whose distance is unknown. Refuses it also for light that
-/// fit_single_photo() tolerates.
+/// fit_single_photo() tolerates. With `only_tags` it measures no fringes, as for the choice of a
+/// film's frames.
 [[nodiscard]] PhotoFindings measure_hand_held(const CameraPicture& photograph,
                                               const SinglePhotoChart& chart,
-                                              const Estimate& focal_px);
+                                              const Estimate& focal_px, bool only_tags = false);
 
 /// Returns a start from which the chart should be planned again, if the photograph shows that the
 /// pitch of the chart's start is more than a hundredth off: then part of the chart has too few

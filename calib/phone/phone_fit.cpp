@@ -67,6 +67,7 @@ struct CornerSeen {
 struct PhoneObservations {
   std::vector<FringeSeen> phases;  ///< one phase for each of PhotoFindings::blocks, in their order
   std::vector<CornerSeen> corners;
+  std::optional<PhotoMotion> motion = {};
 };
 
 constexpr int kGreen = 1;
@@ -168,7 +169,11 @@ class PhoneModel {
         longer_(std::max(photos[0].width, photos[0].height)),
         height_(photos[0].height),
         middle_{0.5 * photos[0].width, 0.5 * photos[0].height} {
-    for (const PhotoFindings& photo : photos) seen_.push_back(phone_observations(photo, chart));
+    for (const PhotoFindings& photo : photos) {
+      seen_.push_back(phone_observations(photo, chart));
+      seen_.back().motion = photo.motion;
+      is_film_ = is_film_ || photo.motion;
+    }
   }
 
   /// Returns the observations of each photograph.
@@ -176,7 +181,12 @@ class PhoneModel {
   [[nodiscard]] const KnotGrid& grid() const { return grid_; }
   [[nodiscard]] double longer_px() const { return longer_; }  ///< side of the pictures
 
-  [[nodiscard]] Index size() const { return photo_at(seen_.size()); }
+  /// Returns true if photographs are frames of a film, which have the readout time as an unknown.
+  [[nodiscard]] bool is_film() const { return is_film_; }
+
+  [[nodiscard]] Index size() const { return readout_at() + (is_film_ ? 1 : 0); }
+  /// Returns the index of the readout time of a film, seconds.
+  [[nodiscard]] Index readout_at() const { return photo_at(seen_.size()); }
   /// Returns the index of the block of photograph n.
   [[nodiscard]] Index photo_at(size_t n) const {
     return kKnots + grid_.count() + kPhotoCount * static_cast<Index>(n);
@@ -216,6 +226,18 @@ class PhoneModel {
            seen.pixels_per_mm;
   }
 
+  /// Moves the block of photograph n to the moment at which the row of a pixel was read.
+  template <class T>
+  void add_motion(size_t n, Vec2 pixel, const T& readout_s, T* photo) const {
+    const auto& [mm_s, radians_s] = *seen_[n].motion;
+    const T seconds = readout_s * (pixel.y / height_ - 0.5);
+    for (int k = 0; k < 3; ++k) {
+      const auto component = [k](const Vec3& v) { return k == 0 ? v.x : k == 1 ? v.y : v.z; };
+      photo[kPupil + k] += seconds * component(mm_s);
+      photo[kTurn + k] += readout_s * component(radians_s);
+    }
+  }
+
   /// Returns the weights of the knots at a point of the panel.
   [[nodiscard]] std::vector<KnotWeight> weights_at(double x_mm, double y_mm) const {
     return knot_weights(grid_, {panel_.x_px(x_mm), panel_.y_px(y_mm)}, panel_.width_px,
@@ -226,7 +248,10 @@ class PhoneModel {
   template <class Seen>
   [[nodiscard]] double rest(const VectorXd& values, size_t n, const Seen& seen) const {
     const double* all = values.data();
-    return rest(all, all + kSheet, all + photo_at(n), all + kWarp, all + kKnots, seen);
+    std::array<double, kPhotoCount> photo;
+    std::copy_n(all + photo_at(n), kPhotoCount, photo.begin());
+    if (seen_[n].motion) add_motion(n, seen.pixel, values[readout_at()], photo.data());
+    return rest(all, all + kSheet, photo.data(), all + kWarp, all + kKnots, seen);
   }
   template <class Seen>
   [[nodiscard]] double rest(const double* camera, const double* sheet, const double* photo,
@@ -264,11 +289,13 @@ class PhoneModel {
   const optics::Panel& panel_;
   double longer_, height_;
   Vec2 middle_;
+  bool is_film_ = false;
   KnotGrid grid_{.columns = 13, .rows = 8};
   std::vector<PhoneObservations> seen_;
 };
 
 constexpr double kGapSigma = 0.15;  ///< relative standard deviation of the gap's prior
+constexpr double kUsualReadout = 0.018, kReadoutSigma = 0.006;  ///< of films, seconds
 
 /// Returns the pose block of a pose whose camera looks along -z with y up.
 PoseValues pose_values(const PhotoPose& pose) {
@@ -342,30 +369,40 @@ VectorXd start_values(const PhoneModel& model, const std::vector<PhotoFindings>&
     own[PhoneModel::kShiftY] = (pose.middle_px.y - values[kCentreY]) / model.longer_px();
     own[PhoneModel::kLarger] = pose.tags_larger;
   }
+  if (model.is_film()) values[model.readout_at()] = kUsualReadout;
   return values;
 }
 
 /// Term is the residual of an observation in standard errors. Parameter blocks: camera, sheet,
-/// photograph, warp; for a phase also all knots, of which a point of the panel needs at most 16.
+/// photograph, warp; for a phase also all knots, of which a point of the panel needs at most 16;
+/// in a film also the readout time.
 template <class Seen>
 class Term final : public ceres::CostFunction {
  public:
-  Term(const PhoneModel& model, const Seen& seen, double sigma)
-      : model_(model), seen_(seen), sigma_(sigma) {
+  Term(const PhoneModel& model, size_t photo, const Seen& seen, double sigma)
+      : model_(model), photo_(photo), seen_(seen), sigma_(sigma) {
     set_num_residuals(1);
     *mutable_parameter_block_sizes() = {kSizes[0], kSizes[1], kSizes[2], kWarpCount};
     if constexpr (kHasKnots) mutable_parameter_block_sizes()->push_back(model.grid().count());
+    if (model.is_film()) mutable_parameter_block_sizes()->push_back(1);
   }
 
   bool Evaluate(const double* const* blocks, double* residual, double** jacobians) const override {
     const double* const warp = blocks[kBlocks];
     const double* const knots = kHasKnots ? blocks[kBlocks + 1] : nullptr;
-    residual[0] = model_.rest(blocks[0], blocks[1], blocks[2], warp, knots, seen_) / sigma_;
+    std::array<double, PhoneModel::kPhotoCount> photo;
+    std::copy_n(blocks[2], photo.size(), photo.begin());
+    const bool moves = model_.seen()[photo_].motion.has_value();
+    if (moves) model_.add_motion(photo_, seen_.pixel, blocks[kReadout][0], photo.data());
+    residual[0] = model_.rest(blocks[0], blocks[1], photo.data(), warp, knots, seen_) / sigma_;
     if (jacobians == nullptr) return std::isfinite(residual[0]);
     std::array<Jet, kUnknowns> unknowns;
     for (int b = 0, at = 0; b < kBlocks; ++b)
       for (int k = 0; k < kSizes[b]; ++k, ++at)
         unknowns[static_cast<size_t>(at)] = Jet(blocks[b][k], at);
+    if (moves)
+      model_.add_motion(photo_, seen_.pixel, Jet(blocks[kReadout][0], kUnknowns + 2),
+                        unknowns.data() + kSizes[0] + kSizes[1]);
     const PlanePoint<double> at_pixel = model_.without_warp(warp, seen_.pixel);
     const PlanePoint<Jet> pixel{Jet(at_pixel.x, kUnknowns), Jet(at_pixel.y, kUnknowns + 1)};
     const Jet* const sheet = unknowns.data() + kSizes[0];
@@ -383,6 +420,8 @@ class Term final : public ceres::CostFunction {
       for (const KnotWeight& w : model_.weights_at(lens.x.a, lens.y.a))
         slopes[w.knot] = w.weight / sigma_;
     }
+    if (model_.is_film() && jacobians[kReadout] != nullptr)
+      jacobians[kReadout][0] = off.v[kUnknowns + 2] / sigma_;
     return std::isfinite(residual[0]);
   }
 
@@ -391,9 +430,12 @@ class Term final : public ceres::CostFunction {
   static constexpr int kBlocks = 3;  ///< with derivatives by dual numbers
   static constexpr int kSizes[kBlocks] = {kCameraCount, kSheetCount, PhoneModel::kPhotoCount};
   static constexpr int kUnknowns = kSizes[0] + kSizes[1] + kSizes[2];
-  using Jet = ceres::Jet<double, kUnknowns + 2>;  ///< also by the pixel, which the warp moves
+  static constexpr int kReadout = kBlocks + (kHasKnots ? 2 : 1);  ///< block of a film
+  /// Derivatives also by the pixel, which the warp moves, and by the readout time.
+  using Jet = ceres::Jet<double, kUnknowns + 3>;
 
   const PhoneModel& model_;
+  size_t photo_;
   const Seen& seen_;
   double sigma_;
 };
@@ -599,6 +641,7 @@ class Joint {
     for (const int at : {0, PhoneModel::kSheet, PhoneModel::kWarp, PhoneModel::kKnots})
       blocks.push_back(values_.data() + at);
     for (size_t n = 0; n < model_.seen().size(); ++n) blocks.push_back(block_of(n));
+    if (model_.is_film()) blocks.push_back(values_.data() + model_.readout_at());
     return inverse_of_normal_equations(problem, blocks);
   }
 
@@ -621,6 +664,9 @@ class Joint {
       small.push_back({k, 0.0, kWarpSigmas[degree]});
     });
     add_priors(problem, values_.data() + PhoneModel::kWarp, kWarpCount, small);
+    if (model_.is_film())
+      add_priors(problem, values_.data() + model_.readout_at(), 1,
+                 {{0, kUsualReadout, kReadoutSigma}});
     problem.AddResidualBlock(
         new ceres::NormalPrior(map_weights(model_.grid()), VectorXd::Zero(model_.grid().count())),
         nullptr, values_.data() + PhoneModel::kKnots);
@@ -633,14 +679,20 @@ class Joint {
     double* const sheet = camera + PhoneModel::kSheet;
     double* const warp = camera + PhoneModel::kWarp;
     double* const own = block_of(n);
+    std::vector<double*> blocks = {camera, sheet, own, warp};
+    double* const readout = values_.data() + model_.readout_at();
+    const auto with_readout = [this, readout](std::vector<double*> all) {
+      if (model_.is_film()) all.push_back(readout);
+      return all;
+    };
     for (const CornerSeen& seen : photo.corners)
-      problem.AddResidualBlock(new Term(model_, seen, corner_sigma_[n]),
-                               new ceres::CauchyLoss(kOutlier), camera, sheet, own, warp);
+      problem.AddResidualBlock(new Term(model_, n, seen, corner_sigma_[n]),
+                               new ceres::CauchyLoss(kOutlier), with_readout(blocks));
+    blocks.push_back(values_.data() + PhoneModel::kKnots);
     for (const FringeSeen& seen : photo.phases)
       problem.AddResidualBlock(
-          new Term(model_, seen, phase_sigma_[n] / std::sqrt(std::max(seen.weight, 1e-3))),
-          new ceres::CauchyLoss(kOutlier), camera, sheet, own, warp,
-          values_.data() + PhoneModel::kKnots);
+          new Term(model_, n, seen, phase_sigma_[n] / std::sqrt(std::max(seen.weight, 1e-3))),
+          new ceres::CauchyLoss(kOutlier), with_readout(blocks));
     const auto sigma = [&](MistakeKind kind) {
       const MistakePrior& both = kMistakes[static_cast<size_t>(kind)];
       return mistake == kind ? both.of_mistake : both.usual;

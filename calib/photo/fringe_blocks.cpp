@@ -25,9 +25,8 @@ namespace {
 /// could be used has edges as coarse as lenses.
 constexpr double kCornerSigmaPx = 0.3;
 
-/// Standard deviation of a camera's axis from the middle of its picture, in longer sides.
-constexpr double kAxisSigma = 0.015;
-/// That of a phone whose pictures nobody cropped: in most, it is within 0.8 %.
+/// Standard deviation of the axis of a phone whose pictures nobody cropped from the middle of its
+/// picture, in longer sides: in most, it is within 0.8 %.
 constexpr double kUncroppedAxisSigma = 0.006;
 
 struct Corner {
@@ -144,13 +143,14 @@ Similarity fit_similarity(const std::vector<Corner>& corners) {
 struct PosePriors {
   Estimate log_focal;
   Estimate distance_mm;
-  double axis_sigma = kAxisSigma;  ///< standard deviation of its position, in longer sides
+  double axis_sigma;  ///< standard deviation of its position, in longer sides
 };
 
 PosePriors pose_priors_of(const PhotoPriors& priors, const SinglePhotoChart& chart,
                           int longer_side) {
   const double distance = viewing_distance_mm(chart.start);
-  PosePriors pose_priors{{std::log(0.85 * longer_side), std::log(1.5)}, {distance, 0.1 * distance}};
+  PosePriors pose_priors{
+      {std::log(0.85 * longer_side), std::log(1.5)}, {distance, 0.1 * distance}, priors.axis_sigma};
   if (priors.focal_px)
     pose_priors.log_focal = {std::log(priors.focal_px->value),
                              priors.focal_px->sigma / priors.focal_px->value};
@@ -325,7 +325,7 @@ std::optional<PhotoPose> find_pose(const std::vector<TagSighting>& tags,
   pose.prior_pull =
       std::hypot((unknowns.lens[0] - pose_priors.log_focal.value) / pose_priors.log_focal.sigma,
                  (unknowns.eye[2] - pose_priors.distance_mm.value) / pose_priors.distance_mm.sigma);
-  pose.axis_pull = std::hypot(unknowns.lens[3], unknowns.lens[4]) / kAxisSigma;
+  pose.axis_pull = std::hypot(unknowns.lens[3], unknowns.lens[4]) / priors.axis_sigma;
   measure_corners(pose, corners, chart.start, pixels_per_mm);
   return pose;
 }

@@ -54,6 +54,8 @@ struct PhotoPose {
 struct PhotoPriors {
   std::optional<Estimate> focal_px;     ///< else 0.85 of the longer side within a factor of 1.5
   std::optional<Estimate> distance_mm;  ///< else the chart's viewing distance, within 10 %
+  /// Standard deviation of the camera's axis from the middle of its picture, in longer sides.
+  double axis_sigma = 0.015;
 };
 
 /// Fits the pose by least squares to the tags' corners, which the sheet displaces according to the

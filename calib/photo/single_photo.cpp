@@ -850,12 +850,14 @@ Refusal measure(PhotoMeasurement& work, const SinglePhotoChart& chart, const Pho
 }  // namespace
 
 PhotoFindings measure_photo(const CameraPicture& photograph, const SinglePhotoChart& chart,
-                            const PhotoPriors& priors) {
+                            const PhotoPriors& priors, bool only_tags) {
   PhotoMeasurement work;
   work.photo = average_down(photograph);
   work.sheet.rig = chart.start;
   PhotoFindings out;
-  out.refusal = measure_phases(work, chart, priors).value_or("");
+  const Refusal refusal = only_tags ? locate_camera(work.photo, chart, priors, work.camera)
+                                    : measure_phases(work, chart, priors);
+  out.refusal = refusal.value_or("");
   out.averaged = work.photo.averaged;
   out.width = work.photo.light.width;
   out.height = work.photo.light.height;

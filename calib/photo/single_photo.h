@@ -53,6 +53,12 @@ struct PlaneCorrection {
                                         const std::vector<FringeBlock>& blocks,
                                         const std::vector<double>& residuals);
 
+/// PhotoMotion is how the camera moved while a frame of a film was taken.
+struct PhotoMotion {
+  Vec3 mm_s;       ///< of the pupil, in the panel's frame
+  Vec3 radians_s;  ///< rotation about the camera's axes: right, down, forward
+};
+
 /// PhotoFindings is what one photograph of the chart shows, for a fit of several photographs.
 struct PhotoFindings {
   std::string refusal;  ///< reason why the photograph cannot be used; empty if it can
@@ -67,12 +73,13 @@ struct PhotoFindings {
   double contrast = 0.0;
   double covered = 0.0;
   double saturated = 0.0;  ///< fraction of the values on the panel that were clipped
+  std::optional<PhotoMotion> motion = {};  ///< of a frame of a film; a photograph has none
 };
 
-/// Measures a photograph as fit_single_photo() does.
+/// Measures a photograph as fit_single_photo() does; with `only_tags` no fringes, which is faster.
 [[nodiscard]] PhotoFindings measure_photo(const CameraPicture& photograph,
                                           const SinglePhotoChart& chart,
-                                          const PhotoPriors& priors = {});
+                                          const PhotoPriors& priors = {}, bool only_tags = false);
 
 /// Finds tags, camera and fringes, and computes pitch, slant and offset for this eye. The verdict
 /// is Effective, or Refused with the reasons: too few tags, too few or too faint fringes, clipped

@@ -579,7 +579,9 @@ TagSighting aligned(const PhotoLight& picture, const TagSighting& tag,
   const auto found = settled(Alignment(picture, tag, white, normalized), *start);
   if (!found) return tag;
   TagSighting out = tag;
-  const double most_px = kMostCells * normalized.scale / (std::numbers::sqrt2 * (kFar - kNear));
+  const double cell_px = normalized.scale / (std::numbers::sqrt2 * (kFar - kNear));
+  const double most_px = kMostCells * cell_px;
+  out.blur_px = (*found)[kBlur] * cell_px;
   for (size_t k = 0; k < kCorners.size(); ++k) {
     out.corners_px[k] = pixel_of(*found, kCorners[k], normalized);
     const Vec2 moved = out.corners_px[k] - tag.corners_px[k];

@@ -120,6 +120,7 @@ struct TagSighting {
   int id = 0;
   /// Order of ChartTag::corners_px, picture pixels; (0, 0) is the corner of the first pixel.
   std::array<Vec2, 4> corners_px;
+  double blur_px = 0.0;  ///< standard deviation of the blur of its cells; 0: unknown
 };
 
 /// Returns all tags of the family, sorted by id, each once (the clearest sighting), with corners
