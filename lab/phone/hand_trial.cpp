@@ -12,34 +12,6 @@
 
 namespace lenticule::lab {
 
-namespace {
-
-/// Returns a photograph in linear light, as a reader decodes its codes.
-calib::CameraPicture picture_of(const Photo& photo) {
-  calib::CameraPicture picture;
-  picture.width = photo.width;
-  picture.height = photo.height;
-  picture.channels = 3;
-  picture.light.reserve(photo.codes.size());
-  for (const uint8_t code : photo.codes)
-    picture.light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
-  return picture;
-}
-
-}  // namespace
-
-const char* to_string(HandOutcome outcome) {
-  switch (outcome) {
-    case HandOutcome::Right:
-      return "right";
-    case HandOutcome::Refused:
-      return "refused";
-    case HandOutcome::Wrong:
-      return "WRONG";
-  }
-  return "";
-}
-
 HandTrial::HandTrial(uint64_t seed, const WorkshopLimits& limits)
     : workshop_(draw_workshop(seed, limits)),
       sheet_(workshop_.start.panel, workshop_.build),

@@ -10,33 +10,14 @@
 #include <vector>
 
 #include "base/temporary.h"
-#include "calib/phone/phone_calibration.h"
-#include "lab/phone/workshop.h"
+#include "lab/phone/sweep_trial.h"
 
 namespace lenticule::lab {
-
-enum class HandOutcome {
-  Right,    ///< accepted, and within the limit everywhere
-  Refused,  ///< with a reason
-  Wrong,    ///< accepted, but beyond the limit somewhere
-};
-[[nodiscard]] const char* to_string(HandOutcome outcome);
-
-struct HandResult {
-  int photographs = 0;
-  HandOutcome outcome = HandOutcome::Refused;
-  bool fitted = false;               ///< the fit gave a rig, accepted or not
-  double error_lenses = 0.0;         ///< worst_error() of that rig
-  double stated_lenses = 0.0;        ///< largest error that the calibration states
-  std::vector<std::string> reasons;  ///< those of the verdict, then warnings
-  double fit_seconds = 0.0;          ///< time of the joint fit
-};
 
 /// HandTrial takes the photographs of one workshop and measures each once.
 class HandTrial {
  public:
-  /// Largest error, in lenses, of a right result.
-  static constexpr double kMostLenses = 0.02;
+  static constexpr double kMostLenses = kMostHandLenses;
 
   HandTrial(uint64_t seed, const WorkshopLimits& limits);
   HandTrial(const HandTrial&) = delete;

@@ -96,6 +96,8 @@ constexpr int kCell = 8;  ///< side of the squares of pixels in which rays are i
 /// Samples per pixel and axis. A pixel of a camera has no random samples: with two instead of four,
 /// their noise doubles the scatter of the measured phases.
 constexpr int kSide = 4;
+constexpr unsigned kSubExposures =
+    2;  ///< of a picture that is blurred by motion, with kSide - 1 each
 
 SensorWindow window_of(SimulatedCamera camera, const optics::Panel& panel) {
   camera.k1 = camera.k2 = 0.0;
@@ -221,6 +223,7 @@ class Exposure {
         panel_(sheet.panel()),
         phone_(phone),
         shot_(shot),
+        side_(shot.exposure_s > 0.0 ? kSide - 1 : kSide),
         camera_(camera_of(phone, shot)),
         rays_(camera_),
         turn_(rays_.from_camera(shot.turn_degrees_s * kDegree)),
@@ -233,6 +236,21 @@ class Exposure {
 
   /// Returns the light of each pixel of the window, in its own channel.
   [[nodiscard]] Mosaic expose() {
+    if (shot_.exposure_s <= 0.0) return expose_at_once();
+    Mosaic sum = {window_, {}};
+    for (part_ = 0; part_ < kSubExposures; ++part_) {
+      late_s_ = shot_.exposure_s * ((part_ + 0.5) / kSubExposures - 0.5);
+      const Mosaic part = expose_at_once();
+      sum.light.resize(part.light.size());
+      for (size_t n = 0; n < part.light.size(); ++n) sum.light[n] += part.light[n] / kSubExposures;
+    }
+    return sum;
+  }
+
+ private:
+  using Corners = std::array<const Node*, 4>;
+
+  [[nodiscard]] Mosaic expose_at_once() {
     std::vector<float> light(static_cast<size_t>(window_.width()) *
                              static_cast<size_t>(window_.height()));
     std::vector<Node> upper, lower = nodes(window_.top);
@@ -246,10 +264,6 @@ class Exposure {
     }
     return {window_, std::move(light)};
   }
-
- private:
-  using Corners = std::array<const Node*, 4>;
-
   [[nodiscard]] std::vector<Node> nodes(int v) const {
     std::vector<Node> row;
     for (int u = window_.left; u <= window_.right + kCell; u += kCell) row.push_back(node(u, v));
@@ -257,7 +271,7 @@ class Exposure {
   }
   /// Traces the ray of a point of the sensor, whose rows are read while the hand moves.
   [[nodiscard]] Node node(double u, double v) const {
-    const double seconds = phone_.readout_s * (v / phone_.height - 0.5);
+    const double seconds = phone_.readout_s * (v / phone_.height - 0.5) + late_s_;
     Vec3 direction = rays_.direction(Vec2{u, v} - displacement(phone_, camera_, {u, v}));
     direction += cross(turn_ * seconds, direction);
     const Vec3 eye = shot_.eye_mm + shot_.drift_mm_s * seconds;
@@ -277,7 +291,7 @@ class Exposure {
     bool near = true;
     for (const Node* n : corners) near = near && n->in_front;
     PortableRandom random(shot_.seed * 1000003 + static_cast<uint64_t>(top) * 65536 +
-                          static_cast<uint64_t>(left));
+                          static_cast<uint64_t>(left) + (uint64_t{part_} << 32));
     if (near) {
       const Vec2 tangents = (corners[0]->tangents + corners[3]->tangents) * 0.5;
       constexpr double kSteepest = 1.15;
@@ -304,9 +318,9 @@ class Exposure {
     const auto haze = static_cast<float>(sheet_.sheet().haze);
     const double blur = phone_.blur_px;
     float sum = 0.0F;
-    for (int s = 0; s < kSide * kSide; ++s) {
-      const double du = (s % kSide + random.uniform()) / kSide - 0.5;
-      const double dv = (s / kSide + random.uniform()) / kSide - 0.5;
+    for (int s = 0; s < side_ * side_; ++s) {
+      const double du = (s % side_ + random.uniform()) / side_ - 0.5;
+      const double dv = (s / side_ + random.uniform()) / side_ - 0.5;
       const double u = (i + 0.5 + blur * du) / kCell, v = (j + 0.5 + blur * dv) / kCell;
       const double w0 = (1 - u) * (1 - v), w1 = u * (1 - v), w2 = (1 - u) * v, w3 = u * v;
       const double lens = w0 * n0.lens + w1 * n1.lens + w2 * n2.lens + w3 * n3.lens;
@@ -323,7 +337,7 @@ class Exposure {
           std::isnan(o.x) ? around : light_at(at.x + double{o.x}, at.y + double{o.y}, c);
       sum += (1.0F - haze) * sharp + haze * around + static_cast<float>(shot_.room_light);
     }
-    return sum / (kSide * kSide);
+    return sum / static_cast<float>(side_ * side_);
   }
 
   float light_at(double x, double y, size_t own) const {
@@ -336,7 +350,8 @@ class Exposure {
     const double exposed =
         double{light} * phone_.exposure * (1.0 - phone_.vignetting * 0.5 * (x * x + y * y));
     const double deviation = std::sqrt(exposed * phone_.shot_noise * phone_.shot_noise +
-                                       phone_.read_noise * phone_.read_noise);
+                                       phone_.read_noise * phone_.read_noise) *
+                             std::sqrt(shot_.exposure_s > 0.0 ? kSubExposures : 1.0);
     return static_cast<float>(exposed + deviation * random.gaussian());
   }
 
@@ -344,6 +359,9 @@ class Exposure {
   const optics::Panel& panel_;
   const Phone& phone_;
   const Shot& shot_;
+  int side_;             ///< samples per pixel and axis
+  double late_s_ = 0.0;  ///< time after the middle of the exposure
+  unsigned part_ = 0;    ///< number of the part of the exposure
   SimulatedCamera camera_;
   CameraRays rays_;
   Vec3 turn_;  ///< radians per second, panel frame

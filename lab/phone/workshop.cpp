@@ -9,6 +9,7 @@
 #include <optional>
 #include <random>
 
+#include "lab/panel/simulated_sensor.h"
 #include "optics/model.h"
 
 namespace lenticule::lab {
@@ -188,6 +189,81 @@ Workshop draw_workshop(uint64_t seed, const WorkshopLimits& limits) {
     workshop.shots.push_back(shot_of(draw, n, distance, width));
   make_real(Draws(seed * 104729 + 71), limits, workshop);
   return workshop;
+}
+
+double Sweep::Wobble::at(double seconds) const {
+  double sum = 0.0;
+  for (size_t k = 0; k < size.size(); ++k)
+    sum += size[k] * std::sin(2.0 * std::numbers::pi * (hertz[k] * seconds + phase[k]));
+  return sum;
+}
+
+Sweep::Sweep(uint64_t seed, const Workshop& workshop)
+    : seed_(seed), distance_(workshop.start.viewing.distance.value) {
+  Draws draw(seed * 15485863 + 29);
+  seconds_ = draw.between(6.0, 12.0);
+  room_light_ = draw.between(0.005, 0.05);
+  breathing_ = draw.between(0.0, 0.015);
+  exposure_s_ = draw.between(0.002, 0.008);
+  stabilisation_ = draw.between(0.0, 1.0) < 0.5 ? 0.0 : 0.0012;
+  stabilisation_turn_ = draw.around(1.0);
+  // Millimetres, then degrees: a slow sway, a wobble, and the tremor of muscles.
+  for (size_t k = 0; k < wobble_.size(); ++k) {
+    const double unit = k == 5 ? 0.4 : 1.0;
+    wobble_[k] = {
+        .size = {unit * draw.between(3.0, 10.0), unit * draw.between(0.5, 2.5),
+                 unit * draw.between(0.0, 0.1)},
+        .hertz = {draw.between(0.1, 0.5), draw.between(0.5, 2.0), draw.between(6.0, 10.0)},
+        .phase = {draw.around(0.5), draw.around(0.5), draw.around(0.5)}};
+  }
+}
+
+Shot Sweep::still(double seconds) const {
+  const double part = -std::cos(std::numbers::pi * seconds / seconds_);  // -1 at the left
+  Shot shot;
+  shot.eye_mm = {0.55 * distance_ * part + wobble_[0].at(seconds),
+                 distance_ * (0.05 + 0.35 * part * part) + wobble_[1].at(seconds),
+                 distance_ * (1.02 - 0.08 * part * part) + wobble_[2].at(seconds)};
+  shot.look_at_mm = {wobble_[3].at(seconds), wobble_[4].at(seconds)};
+  shot.roll_degrees = wobble_[5].at(seconds);
+  return shot;
+}
+
+Shot Sweep::at(double seconds) const {
+  constexpr double kStep = 1e-3;
+  Shot shot = still(seconds);
+  const Shot before = still(seconds - kStep), after = still(seconds + kStep);
+  shot.drift_mm_s = (after.eye_mm - before.eye_mm) * (0.5 / kStep);
+  const auto rays = [](const Shot& at) {
+    SimulatedCamera camera;
+    camera.position_mm = at.eye_mm;
+    camera.look_at_mm = {at.look_at_mm.x, at.look_at_mm.y, 0.0};
+    camera.roll_degrees = at.roll_degrees;
+    return CameraRays(camera);
+  };
+  const CameraRays from = rays(before), to = rays(after), now = rays(shot);
+  const auto turned = [&](Vec3 axis, Vec3 to_axis) {
+    return dot(to.from_camera(axis) - from.from_camera(axis), now.from_camera(to_axis)) /
+           (2.0 * kStep) * 180.0 / std::numbers::pi;
+  };
+  const Vec3 right{1, 0, 0}, down{0, 1, 0}, forward{0, 0, 1};
+  // A rotation w moves an axis a by w x a.
+  shot.turn_degrees_s = {turned(down, forward), turned(forward, right), turned(right, down)};
+  shot.breathing = breathing_;
+  shot.exposure_s = exposure_s_;
+  const double turn = 2.0 * std::numbers::pi * (stabilisation_turn_ + 0.2 * seconds);
+  shot.stabilisation = {stabilisation_ * std::cos(turn), stabilisation_ * std::sin(turn)};
+  shot.room_light = room_light_;
+  shot.seed = seed_ * 100003 + static_cast<uint64_t>(std::lround(1000.0 * seconds));
+  return shot;
+}
+
+void make_film_camera(uint64_t seed, int width, Phone& phone) {
+  Draws draw(seed * 32452843 + 11);
+  phone.width = width;
+  phone.height = width * 9 / 16;
+  phone.focal *= draw.between(1.0, 1.2);  // a film uses less of the sensor
+  phone.jpeg_quality = 80;
 }
 
 std::vector<Vec3> judged_eyes(const optics::Rig& start) {

@@ -3,6 +3,7 @@
 // rigs with the ground truth of their sheet.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -41,6 +42,34 @@ struct WorkshopLimits {
 /// at the left, then at the right, then there again upside down, then in front; every place,
 /// direction and turn is off by what a hand does.
 [[nodiscard]] Workshop draw_workshop(uint64_t seed, const WorkshopLimits& limits);
+
+/// Sweep is the motion of a phone that takes a film: along an arc from the upper left, past the
+/// middle, to the upper right, with the wobble of a hand.
+class Sweep {
+ public:
+  /// Draws the motion of a seed before the panel of a workshop.
+  Sweep(uint64_t seed, const Workshop& workshop);
+  [[nodiscard]] double seconds() const { return seconds_; }
+  /// Returns the frame at a time from the beginning, with its motion.
+  [[nodiscard]] Shot at(double seconds) const;
+
+ private:
+  /// Wobble is a sum of three waves.
+  struct Wobble {
+    std::array<double, 3> size{}, hertz{}, phase{};
+    [[nodiscard]] double at(double seconds) const;
+  };
+  [[nodiscard]] Shot still(double seconds) const;
+
+  uint64_t seed_;
+  double seconds_, distance_;
+  double room_light_, breathing_, exposure_s_, stabilisation_, stabilisation_turn_;
+  std::array<Wobble, 6> wobble_;  ///< of the eye, of the point looked at, of the roll
+};
+
+/// Makes the phone of a workshop one that takes films of this width: cropped to 16:9, without an
+/// own focal length, compressed more.
+void make_film_camera(uint64_t seed, int width, Phone& phone);
 
 /// Returns the 15 eyes at which a rig is judged: up to 250 mm to each side, at 0.8, 1 and 1.2 of
 /// the viewing distance.

@@ -19,6 +19,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/svg_plot.h"
@@ -67,6 +68,7 @@ struct CalibrateFlags {
   std::optional<double> warp_percent;
   std::string plot;
   bool wrong_ways = false;
+  bool sweep = false;
 };
 
 /// Error limit, in lenses, of a rig with verdict "intrinsic", at every place and for every eye of
@@ -375,9 +377,9 @@ ExitCode run_calibrate_stress(const CalibrateFlags& flags) {
 
 // Photographs by hand.
 
-json json_of(uint64_t seed, const lab::HandTrial& trial, const lab::HandResult& result) {
+json json_of(uint64_t seed, const lab::Workshop& workshop, const lab::HandResult& result) {
   return {{"seed", seed},
-          {"pitch_subpx", trial.workshop().build.pitch_subpx},
+          {"pitch_subpx", workshop.build.pitch_subpx},
           {"photographs", result.photographs},
           {"outcome", to_string(result.outcome)},
           {"fitted", result.fitted},
@@ -475,7 +477,8 @@ void write_plot(const json& rows, const json& summary, const std::string& file) 
 lab::WorkshopLimits limits_of(const CalibrateFlags& flags) {
   lab::WorkshopLimits limits =
       lab::limits_for(flags.panel_width, flags.camera_width > 0 ? flags.camera_width : 4000);
-  limits.shots = *std::ranges::max_element(flags.photographs);
+  constexpr int kPlacesOfSweep = 12;
+  limits.shots = flags.sweep ? kPlacesOfSweep : *std::ranges::max_element(flags.photographs);
   if (flags.pitch_subpx) limits.least_pitch_subpx = limits.most_pitch_subpx = *flags.pitch_subpx;
   if (flags.warp_percent) limits.least_warp = limits.most_warp = *flags.warp_percent / 100.0;
   return limits;
@@ -488,14 +491,23 @@ ExitCode run_calibrate_hand(const CalibrateFlags& flags) {
               "photos", "outcome", "error", "stated");
   for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
     const uint64_t seed = flags.first + static_cast<uint64_t>(n);
+    if (flags.sweep) {
+      const lab::SweepTrial trial(seed, limits_of(flags));
+      rows.push_back(json_of(seed, trial.workshop(), trial.calibrate()));
+      rows.back()["frames"] = std::exchange(rows.back()["photographs"], 1);
+      if (!flags.json) print_result(rows.back());
+      flush_results();
+      continue;
+    }
     const lab::HandTrial trial(seed, limits_of(flags));
     for (const int count : flags.photographs) {
-      rows.push_back(json_of(seed, trial, trial.calibrate(count)));
+      rows.push_back(json_of(seed, trial.workshop(), trial.calibrate(count)));
       if (!flags.json) print_result(rows.back());
     }
     flush_results();
   }
-  for (const int count : flags.photographs) summary.push_back(summary_of(rows, count));
+  const std::vector<int> counts = flags.sweep ? std::vector<int>{1} : flags.photographs;
+  for (const int count : counts) summary.push_back(summary_of(rows, count));
   if (!flags.plot.empty()) write_plot(rows, summary, flags.plot);
   if (flags.json)
     print_json({{"machine", machine_json()}, {"results", rows}, {"summary", summary}});
@@ -684,6 +696,11 @@ cli::Run declare_bench_calibrate(CLI::App& app) {
          "take photographs with each of two dozen mistakes, such as a cropped file: three, or "
          "the one number of --photographs, 2 or more")
       ->needs(hand);
+  app.add_flag(
+         "--sweep", flags->sweep,
+         "take one film with each phone, of which it uses some frames, instead of photographs")
+      ->needs(hand)
+      ->excludes("--photographs");
   app.add_flag("--json", flags->json, "print JSON");
   return [flags, photographs] {
     if (flags->stress) return run_calibrate_stress(*flags);
