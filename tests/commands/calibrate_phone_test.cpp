@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests calibrate phone from the photographs in a folder to the rig that it finds. The simulated
 // phone of lenticule-bench takes the photographs.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <csignal>
@@ -129,6 +130,70 @@ TEST_F(PhoneCommand, AnInterruptionSavesNothing) {
   expect_end(
       calibrate({}, {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::seconds(2)}), 130);
   EXPECT_FALSE(std::filesystem::exists(path("found.toml")));
+}
+
+/// A small panel, and a phone that films it while it is moved.
+class PhoneFilm : public CommandTest {
+ protected:
+  static lab::Workshop small_panel() {
+    lab::WorkshopLimits limits = lab::limits_for(1280, 1280);
+    limits.shots = 1;
+    lab::Workshop workshop = lab::draw_workshop(kSeed, limits);
+    workshop.start.sheet.pitch = Subpixels(1.003 * workshop.build.pitch_subpx);
+    lab::make_film_camera(kSeed, 1280, workshop.phone);
+    return workshop;
+  }
+  /// Films ten pictures a second with the program ffmpeg: three at each place, then a dark one.
+  void film(const std::string& name, int places) const {
+    const frames::WovenFrame shown =
+        calib::draw_single_photo_chart(calib::plan_single_photo_chart(workshop_.start));
+    const lab::Sweep sweep(kSeed, workshop_);
+    std::string codes;
+    for (int place = 0; place < places; ++place)
+      for (const int tick : {-1, 0, 1, 2}) {
+        lab::Photo photo;
+        photo.codes.assign(static_cast<size_t>(workshop_.phone.width) *
+                               static_cast<size_t>(workshop_.phone.height) * 3,
+                           40);
+        if (tick < 2) {
+          lab::Shot shot = sweep.at(sweep.seconds() * (place + 0.5) / places + 0.1 * tick);
+          shot.exposure_s = 0.0;
+          photo = photograph(sheet_, shown.view(), workshop_.phone, shot);
+        }
+        codes.append(photo.codes.begin(), photo.codes.end());
+      }
+    write("raw", codes);
+    expect_end(run_process({"/bin/sh", "-c",
+                            fmt::format("exec ffmpeg -v error -nostdin -y -f rawvideo -pix_fmt "
+                                        "rgb24 -s {}x{} -r 10 -i {} -c:v libx264 -crf 18 -vf "
+                                        "scale=out_color_matrix=bt709 -colorspace bt709 -pix_fmt "
+                                        "yuv420p {}",
+                                        workshop_.phone.width, workshop_.phone.height, path("raw"),
+                                        path(name))}),
+               0);
+  }
+
+  static constexpr uint64_t kSeed = 20003;
+  lab::Workshop workshop_ = small_panel();
+  lab::SheetShape sheet_{workshop_.start.panel, workshop_.build};
+};
+
+TEST_F(PhoneFilm, GivesARigForEveryEye) {
+  optics::save_rig(workshop_.start, path("start.toml"));
+  film("film.mp4", 8);
+  const std::vector<std::string> from = {"--rig", path("start.toml"), "-o", path("found.toml")};
+  const ProcessResult found = run(joined({"calibrate", "phone", path("film.mp4"), "--json"}, from),
+                                  {.timeout = std::chrono::seconds(300)});
+  EXPECT_NE(found.err.find("film.mp4: 32 frames looked at, "), std::string::npos) << found.err;
+  const nlohmann::json report = results_of(found);
+  EXPECT_GE(report["film"]["used_at_s"].size(), 6U) << report["film"];
+  EXPECT_EQ(report["photographs"][0]["name"].get<std::string>().substr(0, 12), "film.mp4 at ");
+  EXPECT_LT(lab::worst_error(optics::load_rig(path("found.toml")), sheet_,
+                             lab::judged_eyes(workshop_.start)),
+            0.02);
+  write("1.jpg", "");
+  expect_end(run(joined({"calibrate", "photos", path("film.mp4"), path("1.jpg")}, from)), 2,
+             "a film is not mixed with other files");
 }
 
 TEST_F(PhoneCommand, AMissingFolderIsNamed) {

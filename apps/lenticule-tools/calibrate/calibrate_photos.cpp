@@ -122,17 +122,22 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   return conclude(flags, rig, found, {.method = "one photograph", .camera = camera}, more);
 }
 
-/// Calibrates from several photographs of the photo chart, taken by hand from different places.
+/// Calibrates from several photographs of the photo chart, taken by hand from different places, or
+/// from a film.
 ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
   HandHeldPhotos photos(rig, flags.focal_px);
-  player::Progress progress("measuring", "photographs", flags.sources.size());
-  // The result names the photographs that cannot be used.
-  photos.add_all({flags.sources.begin(), flags.sources.end()}, [&](size_t added) {
-    progress.update(added);
-    return !player::interrupted();
-  });
-  if (player::interrupted()) return player::interrupt_exit_code();
-  progress.finish();
+  if (is_film(flags.sources.front())) {
+    if (!photos.add_film(flags.sources.front())) return player::interrupt_exit_code();
+  } else {
+    player::Progress progress("measuring", "photographs", flags.sources.size());
+    // The result names the photographs that cannot be used.
+    photos.add_all({flags.sources.begin(), flags.sources.end()}, [&](size_t added) {
+      progress.update(added);
+      return !player::interrupted();
+    });
+    if (player::interrupted()) return player::interrupt_exit_code();
+    progress.finish();
+  }
   calib::Calibration found = photos.calibrate(flags.most_lenses);
   if (!flags.distances_mm.empty() && !found.viewpoints.empty() &&
       found.viewpoints[0].name == fs::path(flags.sources[0]).filename()) {
@@ -144,7 +149,8 @@ ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
           "panel, its size in the rig seems {:+.1f} % off",
           first.name, first.eye_mm.z, taped, 100.0 * off / taped));
   }
-  return conclude(flags, rig, found, photos.details(), {{"photographs", photos.to_json(found)}});
+  return conclude(flags, rig, found, photos.details(),
+                  {{"photographs", photos.to_json(found)}, {"film", photos.film()}});
 }
 
 /// Looks for a manifest among the photographs, then in the folder of the patterns. Returns false if
@@ -228,7 +234,11 @@ ExitCode run_photos(const PhotosFlags& flags) {
     throw Error(ErrorKind::Usage, "calibrate photos: photographs and -o are needed",
                 "or use --write-patterns FOLDER to get the patterns to photograph");
   if (!files) return from_folders(flags, rig);
-  return flags.sources.size() == 1 ? from_one(flags, rig) : from_several(flags, rig);
+  const bool film = std::ranges::any_of(flags.sources, is_film);
+  if (film && flags.sources.size() > 1)
+    throw Error(ErrorKind::Usage, "calibrate photos: a film is not mixed with other files",
+                "give one film alone, or only photographs");
+  return flags.sources.size() == 1 && !film ? from_one(flags, rig) : from_several(flags, rig);
 }
 
 }  // namespace
@@ -250,7 +260,7 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
       "All patterns, from three places, one folder each:\n"
       "  lenticule calibrate photos --rig start.toml --write-patterns patterns\n"
       "  lenticule calibrate photos centre left right --rig start.toml -o kiosk.toml");
-  way->add_option("PHOTOS", flags->sources, "a photograph, or a folder for each viewpoint");
+  way->add_option("PHOTOS", flags->sources, "a photograph, a film, or a folder for each viewpoint");
   cli::declare_rig_flag(*way, flags->rig, "rig file to start from");
   cli::add_option(*way, "--write-patterns FOLDER", flags->write_patterns,
                   "folder to write all patterns to, with a manifest; nothing else is done");
@@ -353,7 +363,7 @@ class Collection {
       for (const fs::path& file : arrivals_.arrived()) {
         if (player::interrupted()) return std::nullopt;
         last = Clock::now();
-        if (!take(file) || photos_.usable() < 2) continue;
+        if (!take(file) || (photos_.usable() < 2 && !photos_.is_film())) continue;
         calib::Calibration found = photos_.calibrate();
         if (is_enough(found)) return found;
       }
@@ -374,7 +384,8 @@ class Collection {
     if (HandHeldPhotos::agree(found)) {
       errors_ +=
           fmt::format("{}{:.3f}", errors_.empty() ? "" : ", then ", found.drift.worst_lenses);
-      say("{} photographs count; error anywhere in the viewing zone: {} lens\n", count, errors_);
+      say("{} {} count; error anywhere in the viewing zone: {} lens\n", count,
+          photos_.is_film() ? "frames" : "photographs", errors_);
     }
     for (const std::string& reason : found.reasons) say("not yet: {}\n", reason);
     if (found.verdict != calib::Verdict::Intrinsic) return false;
@@ -389,15 +400,22 @@ class Collection {
     say("{}: measuring\n", name);
     ++taken_;
     bool good = false;
+    const bool film = is_film(file);
+    if (!photos_.files().empty() && (film || photos_.is_film())) {
+      say("films and photographs are not mixed: only {} counts now\n", name);
+      photos_ = HandHeldPhotos(photos_.chart().start, flags_.focal_px);
+      errors_.clear();
+    }
     try {
-      const std::string refusal = photos_.add(file);
-      good = refusal.empty();
-      say("{}: {}\n", name, good ? "good" : "not used: " + refusal);
+      const std::string refusal = film ? "" : photos_.add(file);
+      good = film ? photos_.add_film(file) : refusal.empty();
+      if (!film) say("{}: {}\n", name, good ? "good" : "not used: " + refusal);
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::Input) throw;
-      say("{}: not used: {}; let the phone store JPEG files\n", name, error.what());
+      say("{}: not used: {}{}\n", name, error.what(),
+          film ? "" : "; let the phone store JPEG files");
     }
-    if (!planned_again_ && photos_.usable() == 1) plan_again();
+    if (!planned_again_ && (film || photos_.usable() == 1)) plan_again();
     return good;
   }
 
@@ -424,6 +442,15 @@ class Collection {
 };
 
 ExitCode run_phone(const PhoneFlags& flags) {
+  if (is_film(flags.folder))  // it is there already: nothing is to be shown
+    return run_photos({.sources = {flags.folder},
+                       .rig = flags.rig,
+                       .write_patterns = {},
+                       .patterns = {},
+                       .pack = flags.pack,
+                       .distances_mm = {},
+                       .focal_px = flags.focal_px,
+                       .result = flags.result});
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
   PatternDisplay panel(flags, rig);
   Collection collection(flags, rig, panel);
@@ -431,7 +458,9 @@ ExitCode run_phone(const PhoneFlags& flags) {
       "   usual way up and held high, from a step to the left and a step to the right; there once\n"
       "   more upside down. No zoom.\n"
       "2. Send the photographs as the phone stored them to {}\n"
-      "3. Wait: each is measured as it arrives. Ctrl-C ends.\n",
+      "3. Wait: each is measured as it arrives. Ctrl-C ends.\n"
+      "Or film the panel for ten seconds, while you move the phone from the upper left over the\n"
+      "middle to the upper right, without video stabilisation, and send the film.\n",
       flags.folder);
   const auto found = collection.run();
   if (!found) return player::interrupt_exit_code();
@@ -469,8 +498,13 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
   way->footer(
       "Example, for a phone that sends its photographs to the folder inbox:\n"
       "  lenticule calibrate phone inbox --rig start.toml --display kms -o kiosk.toml\n"
-      "Photographs that are already there: lenticule calibrate photos 1.jpg 2.jpg 3.jpg 4.jpg");
-  way->add_option("FOLDER", flags->folder, "folder in which the photographs arrive")->required();
+      "Photographs that are already there: lenticule calibrate photos 1.jpg 2.jpg 3.jpg 4.jpg\n"
+      "A film instead, of the phone moved past the chart in ten seconds, from the upper left over\n"
+      "the middle to the upper right; switch the phone's video stabilisation off:\n"
+      "  lenticule calibrate phone FILM.mp4 --rig start.toml -o kiosk.toml");
+  way->add_option("FOLDER", flags->folder,
+                  "folder in which the photographs or a film arrive, or a film")
+      ->required();
   cli::declare_rig_flag(*way, flags->rig, "rig file to start from");
   declare_display_flags(*way, *flags);
   cli::add_option(*way, "--focal-px PIXELS", flags->focal_px,

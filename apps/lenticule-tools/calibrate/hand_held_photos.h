@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// HandHeldPhotos collects photographs of the photo chart that were taken by hand, and calibrates
-// from them; PhotoArrivals finds them in a folder, and a pack keeps them for a report of a fault.
+// HandHeldPhotos collects photographs of the photo chart that were taken by hand, or frames of a
+// film, and calibrates from them; PhotoArrivals finds them in a folder, and a pack keeps them for a
+// report of a fault.
 #pragma once
 
 #include <fmt/format.h>
@@ -25,6 +26,7 @@
 #include <vector>
 
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
+#include "apps/lenticule-tools/calibrate/film_frames.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/option.h"
 #include "base/error_kinds.h"
@@ -32,11 +34,13 @@
 #include "base/temporary.h"
 #include "base/text.h"
 #include "calib/phone/exif.h"
+#include "calib/phone/film.h"
 #include "calib/phone/phone_calibration.h"
 #include "calib/photo/photo_folder.h"
 #include "optics/rig.h"
 #include "optics/rig_file.h"
 #include "player/process/child_process.h"
+#include "player/process/progress.h"
 
 namespace lenticule::tools {
 
@@ -52,7 +56,10 @@ class HandHeldPhotos {
 
   /// Measures a photograph. Returns the reason why it cannot be used, or an empty text. Throws
   /// Error(Input) for a file that is not a readable picture.
-  std::string add(const std::filesystem::path& file) { return keep(file, measure(file)); }
+  std::string add(const std::filesystem::path& file) {
+    files_.push_back(file);
+    return keep(measure(file));
+  }
   /// Measures photographs, two at once, and adds them in their order. Calls `goes_on` with the
   /// number of photographs added; stops when it returns false. Throws as add() does.
   void add_all(const std::vector<std::filesystem::path>& files,
@@ -64,11 +71,74 @@ class HandHeldPhotos {
       for (; begun < std::min(files.size(), n + kAtOnce); ++begun)
         waiting.push_back(
             std::async(std::launch::async, [this, &file = files[begun]] { return measure(file); }));
-      keep(files[n], waiting.front().get());
+      files_.push_back(files[n]);
+      keep(waiting.front().get());
       waiting.pop_front();
       if (!goes_on(n + 1)) return;
     }
   }
+
+  /// Chooses frames of a film and measures them; there must be no photographs. Returns false if the
+  /// user interrupted. Throws Error(Input) for a file that is not a readable film.
+  bool add_film(const std::filesystem::path& file) {
+    files_.push_back(file);
+    is_film_ = true;
+    const std::string name = file.filename().string();
+    std::vector<calib::FilmFrame> seen;
+    std::deque<std::future<Measured>> waiting;
+    const auto locate_one = [&seen, &waiting] {
+      seen[seen.size() - waiting.size()].found = waiting.front().get().photo.findings;
+      waiting.pop_front();
+    };
+    player::Progress progress(name, "frames", 0);
+    const auto thinned = [](uint64_t number, double hertz) {
+      constexpr double kPerSecond = 10.0;
+      return number % static_cast<uint64_t>(std::max(std::lround(hertz / kPerSecond), 1L)) == 0;
+    };
+    if (!read_film(file, thinned,
+                   [&, this](uint64_t number, double s, calib::CameraPicture picture) {
+                     constexpr size_t kAtOnce = 2;
+                     if (waiting.size() == kAtOnce) locate_one();
+                     seen.push_back({.number = number, .seconds = s, .found = {}});
+                     waiting.push_back(
+                         std::async(std::launch::async, [this, &file, frame = std::move(picture)] {
+                           return measure(frame, file, {}, true);
+                         }));
+                     progress.update(number);
+                     return s <= calib::kLongestFilmSeconds;
+                   }))
+      return false;
+    while (!waiting.empty()) locate_one();
+    progress.finish();
+    const calib::FilmChoice choice = calib::choose_frames(seen, chart_);
+    film_ = {{"name", escaped(name)},
+             {"frames", seen.size()},
+             {"whole", choice.whole},
+             {"sharp", choice.sharp},
+             {"used_at_s", nlohmann::json::array()}};
+    for (const auto& [index, motion] : choice.frames)
+      film_["used_at_s"].push_back(seen[index].seconds);
+    say("{}: {} frames looked at, {} show the whole chart, {} of them sharply; {} used\n", name,
+        seen.size(), choice.whole, choice.sharp, choice.frames.size());
+    film_focal_px_ = choice.focal_px;
+    film_refusal_ = choice.refusal.empty() ? "" : name + ": " + choice.refusal;
+    auto next = choice.frames.begin();
+    const auto chosen = [&](uint64_t number, double) {
+      return next != choice.frames.end() && seen[next->frame].number == number;
+    };
+    return choice.frames.empty() ||
+           read_film(file, chosen,
+                     [&, this](uint64_t, double seconds, calib::CameraPicture picture) {
+                       Measured frame =
+                           measure(picture, file, fmt::format("{} at {:.2f} s", name, seconds));
+                       frame.photo.findings.motion = next->motion;
+                       keep(std::move(frame));
+                       return ++next != choice.frames.end();
+                     });
+  }
+  [[nodiscard]] bool is_film() const { return is_film_; }
+  /// Returns how many frames of the film were looked at, sharp, and used; null without a film.
+  [[nodiscard]] const nlohmann::json& film() const { return film_; }
 
   /// Returns the files so far, usable or not.
   [[nodiscard]] const std::vector<std::filesystem::path>& files() const { return files_; }
@@ -84,6 +154,12 @@ class HandHeldPhotos {
   }
   /// Calibrates from all photographs so far; see calib::calibrate_phone() for `most_lenses`.
   [[nodiscard]] calib::Calibration calibrate(double most_lenses = 0.0) const {
+    if (!film_refusal_.empty()) {
+      calib::Calibration refused;
+      refused.rig = chart_.start;
+      refused.reasons = {film_refusal_};
+      return refused;
+    }
     // The median: one of another lens of the phone does not count.
     std::vector<calib::Estimate> focal_px = focal_px_;
     std::ranges::sort(focal_px, {}, &calib::Estimate::value);
@@ -134,7 +210,8 @@ class HandHeldPhotos {
     return out;
   }
   [[nodiscard]] calib::RecordDetails details() const {
-    return {.method = "photographs from the hand", .camera = camera_};
+    return {.method = is_film_ ? "film from the hand" : "photographs from the hand",
+            .camera = camera_};
   }
 
  private:
@@ -154,16 +231,21 @@ class HandHeldPhotos {
     int width, height;  ///< size of the picture, pixels
   };
   [[nodiscard]] Measured measure(const std::filesystem::path& file) const {
-    const calib::CameraPicture photograph = calib::read_photograph(file);
-    const calib::Estimate focal =
-        focal_of(given_focal_px_, file, std::max(photograph.width, photograph.height));
-    return {.photo = {.name = file.filename().string(),
-                      .findings = calib::measure_hand_held(photograph, chart_, focal)},
-            .focal = focal,
-            .width = photograph.width,
-            .height = photograph.height};
+    return measure(calib::read_photograph(file), file, file.filename().string());
   }
-  std::string keep(const std::filesystem::path& file, Measured measured) {
+  /// `only_tags` is as for calib::measure_hand_held().
+  [[nodiscard]] Measured measure(const calib::CameraPicture& picture,
+                                 const std::filesystem::path& file, std::string name,
+                                 bool only_tags = false) const {
+    const calib::Estimate focal = film_focal_px_.value_or(
+        focal_of(given_focal_px_, file, std::max(picture.width, picture.height)));
+    return {.photo = {.name = std::move(name),
+                      .findings = calib::measure_hand_held(picture, chart_, focal, only_tags)},
+            .focal = focal,
+            .width = picture.width,
+            .height = picture.height};
+  }
+  std::string keep(Measured measured) {
     const std::string refusal = measured.photo.findings.refusal;
     if (refusal.empty()) {
       focal_px_.push_back(measured.focal);
@@ -172,7 +254,6 @@ class HandHeldPhotos {
       camera_.height = measured.height;
     }
     photos_.push_back(std::move(measured.photo));
-    files_.push_back(file);
     return refusal;
   }
 
@@ -181,13 +262,17 @@ class HandHeldPhotos {
   std::vector<calib::Estimate> focal_px_;  ///< one of each usable photograph
   std::vector<calib::PhonePhoto> photos_;
   std::vector<std::filesystem::path> files_;
+  bool is_film_ = false;
+  nlohmann::json film_;
+  std::string film_refusal_;
+  std::optional<calib::Estimate> film_focal_px_;  ///< as its tags show it
   calib::CameraFacts camera_{.channels = 3, .pixel_format = "photograph"};
 };
 
 // PhotoArrivals finds photographs that arrive in a folder.
 
-/// PhotoArrivals reports each photograph once, after its file has stopped growing. Hidden files,
-/// which transfers use as temporary names, do not count.
+/// PhotoArrivals reports each photograph and film once, after its file has stopped growing. Hidden
+/// files, which transfers use as temporary names, do not count.
 ///
 /// Thread safety: one thread.
 class PhotoArrivals {
@@ -224,7 +309,7 @@ class PhotoArrivals {
     std::error_code error;
     for (const std::filesystem::path& file : entries_of(folder_, &error)) {
       std::error_code vanished;  // a file may be renamed between two calls
-      if (!calib::is_photograph(file)) continue;
+      if (!calib::is_photograph(file) && !is_film(file)) continue;
       const uintmax_t size = std::filesystem::file_size(file, vanished);
       if (!vanished && size > 0) out.emplace(file, size);
     }
