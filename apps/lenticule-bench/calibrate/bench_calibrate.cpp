@@ -477,7 +477,7 @@ void write_plot(const json& rows, const json& summary, const std::string& file) 
 lab::WorkshopLimits limits_of(const CalibrateFlags& flags) {
   lab::WorkshopLimits limits =
       lab::limits_for(flags.panel_width, flags.camera_width > 0 ? flags.camera_width : 4000);
-  constexpr int kPlacesOfSweep = 12;
+  constexpr int kPlacesOfSweep = 8;
   limits.shots = flags.sweep ? kPlacesOfSweep : *std::ranges::max_element(flags.photographs);
   if (flags.pitch_subpx) limits.least_pitch_subpx = limits.most_pitch_subpx = *flags.pitch_subpx;
   if (flags.warp_percent) limits.least_warp = limits.most_warp = *flags.warp_percent / 100.0;

@@ -28,8 +28,8 @@ using ::testing::IsEmpty;
 class Film : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    lab::WorkshopLimits limits = lab::limits_for(1280, 1280);
-    limits.shots = 7;
+    lab::WorkshopLimits limits = lab::limits_for(1280, 1600);
+    limits.shots = 8;
     trial_ = std::make_unique<SweepTrial>(kSeed, limits);
   }
   static void TearDownTestSuite() { trial_.reset(); }
@@ -46,7 +46,7 @@ class Film : public ::testing::Test {
         .refusal;
   }
 
-  static constexpr uint64_t kSeed = 20003;
+  static constexpr uint64_t kSeed = 20001;
   static inline std::unique_ptr<SweepTrial> trial_;
 };
 
@@ -111,7 +111,7 @@ TEST_F(Film, EachFaultHasItsOwnRefusal) {
                 frame.found.tags.resize(1);
                 frame.found.refusal = "only 1 of 9 tags were found: the panel is cut";
               }),
-              HasSubstr("only 0 of 21 frames show the whole chart sharply: only 1 of 9 tags"));
+              HasSubstr("only 0 of 24 frames show the whole chart sharply: only 1 of 9 tags"));
   EXPECT_THAT(refusal_after([](FilmFrame& frame) {
                 frame.found.tags.resize(1);
                 frame.found.tags[0].id = 0;
@@ -119,7 +119,7 @@ TEST_F(Film, EachFaultHasItsOwnRefusal) {
                 frame.found.refusal = "only 1 of 9 tags were found";
               }),
               HasSubstr("moves too fast"));
-  const FilmFrame middle = trial_->frames()[10];
+  const FilmFrame middle = trial_->frames()[13];
   const FilmChoice standing = choice_after([&](std::vector<FilmFrame>& frames) {
     for (FilmFrame& frame : frames) frame.found = middle.found;
   });
