@@ -18,7 +18,7 @@ namespace {
 
 /// Neighbours that are further apart do not show the motion between them.
 constexpr double kFarthestNeighbours = 0.3;  // seconds
-constexpr double kMostTimesSharpest = 1.3;   ///< relative to that of the sharpest tenth
+constexpr double kMostTimesSharpest = 2.0;   ///< relative to that of the sharpest tenth
 
 double blur_of(const FilmFrame& frame) {
   std::vector<double> blurs;

@@ -402,7 +402,7 @@ class Collection {
     bool good = false;
     const bool film = is_film(file);
     if (!photos_.files().empty() && (film || photos_.is_film())) {
-      say("films and photographs are not mixed: only {} counts now\n", name);
+      say("a film is fitted alone: only {} counts now\n", name);
       photos_ = HandHeldPhotos(photos_.chart().start, flags_.focal_px);
       errors_.clear();
     }
