@@ -1,19 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lab/phone/hand_trial.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "apps/lenticule-tools/calibrate/hand_held_photos.h"
 #include "calib/phone/exif.h"
 #include "frames/srgb.h"
+#include "optics/rig_file.h"
 
 namespace lenticule::lab {
 
-HandTrial::HandTrial(uint64_t seed, const WorkshopLimits& limits)
-    : workshop_(draw_workshop(seed, limits)),
+HandTrial::HandTrial(uint64_t seed, const WorkshopLimits& limits, std::filesystem::path pictures)
+    : pictures_(std::move(pictures)),
+      workshop_(draw_workshop(seed, limits)),
       sheet_(workshop_.start.panel, workshop_.build),
       chart_(calib::plan_single_photo_chart(workshop_.start)) {
   take(workshop_.shots.front());
@@ -29,6 +34,12 @@ HandTrial::HandTrial(uint64_t seed, const WorkshopLimits& limits)
 void HandTrial::take(const Shot& shot) {
   const frames::WovenFrame shown = draw_single_photo_chart(chart_);
   Photo photo = photograph(sheet_, shown.view(), workshop_.phone, shot);
+  if (!pictures_.empty()) {
+    std::filesystem::create_directories(pictures_);
+    write_photo(photo, workshop_.phone.jpeg_quality,
+                pictures_ / fmt::format("{}.jpg", photos_.size() + 1));
+    optics::save_rig(chart_.start, pictures_ / "start.toml");
+  }
   round_trip(photo, workshop_.phone.jpeg_quality);
   focal_px_ = calib::focal_of_film(photo.stated_focal_35mm, photo.width);
   calib::CameraPicture picture = picture_of(photo);

@@ -19,7 +19,9 @@ class HandTrial {
  public:
   static constexpr double kMostLenses = kMostHandLenses;
 
-  HandTrial(uint64_t seed, const WorkshopLimits& limits);
+  /// With `pictures`, the photographs are also stored in that folder as 1.jpg and so on, with the
+  /// rig of their chart, start.toml. Throws Error(Failed).
+  HandTrial(uint64_t seed, const WorkshopLimits& limits, std::filesystem::path pictures = {});
   HandTrial(const HandTrial&) = delete;
   HandTrial& operator=(const HandTrial&) = delete;
 
@@ -38,6 +40,7 @@ class HandTrial {
  private:
   void take(const Shot& shot);
 
+  std::filesystem::path pictures_;
   Workshop workshop_;
   SheetShape sheet_;
   calib::SinglePhotoChart chart_;

@@ -35,6 +35,7 @@
 namespace lenticule::bench {
 namespace {
 
+namespace fs = std::filesystem;
 using calib::Verdict;
 using lab::HandOutcome;
 using lab::StressCase;
@@ -67,6 +68,7 @@ struct CalibrateFlags {
   std::optional<double> pitch_subpx;
   std::optional<double> warp_percent;
   std::string plot;
+  std::string save;
   bool wrong_ways = false;
   bool sweep = false;
 };
@@ -499,7 +501,9 @@ ExitCode run_calibrate_hand(const CalibrateFlags& flags) {
       flush_results();
       continue;
     }
-    const lab::HandTrial trial(seed, limits_of(flags));
+    const fs::path pictures =
+        flags.save.empty() ? fs::path() : fs::path(flags.save) / std::to_string(seed);
+    const lab::HandTrial trial(seed, limits_of(flags), pictures);
     for (const int count : flags.photographs) {
       rows.push_back(json_of(seed, trial.workshop(), trial.calibrate(count)));
       if (!flags.json) print_result(rows.back());
@@ -688,6 +692,12 @@ cli::Run declare_bench_calibrate(CLI::App& app) {
       ->type_name("PERCENT")
       ->check(CLI::Range(0.0, 1.0))
       ->default_str("0.01 to 0.05, as phones have it")
+      ->needs(hand);
+  app.add_option(
+         "--save", flags->save,
+         "folder in which the photographs of each setup get a folder, with the rig of their "
+         "chart: to try lenticule calibrate photos on them")
+      ->type_name("FOLDER")
       ->needs(hand);
   app.add_option("--plot", flags->plot, "SVG file: error against number of photographs")
       ->needs(hand);

@@ -56,7 +56,7 @@ inline calib::CameraPicture sensor_picture(const frames::FrameView& frame,
 }
 
 /// Calls `use` with the wanted frames, each with its number and its time in seconds, in their order
-/// until it returns false. `wanted` gets the number and the rate. One frame is in memory at a time.
+/// until it returns false. `wanted` gets the number and the rate. `use` may keep a frame.
 /// Returns false if the user interrupted. Throws Error(Input) if the file is not a film, states no
 /// rate, or is damaged.
 inline bool read_film(const std::filesystem::path& file,
