@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -39,7 +40,11 @@ struct HandResult {
 /// at each of `shots` places are simulated, a tenth of a second apart.
 class SweepTrial {
  public:
-  SweepTrial(uint64_t seed, const WorkshopLimits& limits);
+  /// With `pictures`, the frames are also stored in that folder as 000.jpg and so on, ten a second,
+  /// with a dark frame after each place, and the rig of their chart, start.toml. Throws
+  /// Error(Failed).
+  SweepTrial(uint64_t seed, const WorkshopLimits& limits,
+             const std::filesystem::path& pictures = {});
   SweepTrial(const SweepTrial&) = delete;
   SweepTrial& operator=(const SweepTrial&) = delete;
 

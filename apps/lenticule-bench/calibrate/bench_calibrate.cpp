@@ -493,16 +493,16 @@ ExitCode run_calibrate_hand(const CalibrateFlags& flags) {
               "photos", "outcome", "error", "stated");
   for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
     const uint64_t seed = flags.first + static_cast<uint64_t>(n);
+    const fs::path pictures =
+        flags.save.empty() ? fs::path() : fs::path(flags.save) / std::to_string(seed);
     if (flags.sweep) {
-      const lab::SweepTrial trial(seed, limits_of(flags));
+      const lab::SweepTrial trial(seed, limits_of(flags), pictures);
       rows.push_back(json_of(seed, trial.workshop(), trial.calibrate()));
       rows.back()["frames"] = std::exchange(rows.back()["photographs"], 1);
       if (!flags.json) print_result(rows.back());
       flush_results();
       continue;
     }
-    const fs::path pictures =
-        flags.save.empty() ? fs::path() : fs::path(flags.save) / std::to_string(seed);
     const lab::HandTrial trial(seed, limits_of(flags), pictures);
     for (const int count : flags.photographs) {
       rows.push_back(json_of(seed, trial.workshop(), trial.calibrate(count)));
@@ -693,10 +693,9 @@ cli::Run declare_bench_calibrate(CLI::App& app) {
       ->check(CLI::Range(0.0, 1.0))
       ->default_str("0.01 to 0.05, as phones have it")
       ->needs(hand);
-  app.add_option(
-         "--save", flags->save,
-         "folder in which the photographs of each setup get a folder, with the rig of their "
-         "chart: to try lenticule calibrate photos on them")
+  app.add_option("--save", flags->save,
+                 "folder in which the photographs of each setup, or the frames of its film, get a "
+                 "folder, with the rig of their chart: to try lenticule calibrate photos on them")
       ->type_name("FOLDER")
       ->needs(hand);
   app.add_option("--plot", flags->plot, "SVG file: error against number of photographs")
