@@ -140,7 +140,7 @@ struct Calibration {
   std::optional<LensSpot> spot;
   LinkCheck link;
   DriftPrediction drift;
-  /// Of one photograph: the same as `drift` if the picture is as the phone took it; else 0.
+  /// Of one photograph: `drift` if nobody cropped the picture. 0 for other methods.
   double at_camera_lenses = 0.0;
   double seconds_computing = 0.0;
 };

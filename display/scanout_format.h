@@ -19,7 +19,7 @@
 namespace lenticule::display {
 
 /// Converts a row. `rgb` holds 3 * pixels bytes, `words` as many words as pixels; their unused bits
-/// become 0. All functions take the best instruction set below `isa` that the machine has.
+/// become 0. All functions take the best instruction set up to `isa` that the machine has.
 void expand_row(ScanoutDepth depth, const uint8_t* rgb, uint32_t* words, size_t pixels,
                 Isa isa = best_isa()) noexcept;
 /// Converts words to RGB; ignores the unused bits.

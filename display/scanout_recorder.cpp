@@ -53,9 +53,10 @@ class FrameChecksum {
   [[nodiscard]] uint64_t of(const ScanoutView& scanout) noexcept {
     row_.resize(scanout.geometry.row_bytes());
     XXH64_reset(hash_.get(), 0);
+    const Isa isa = best_isa();
     for (int j = 0; j < scanout.geometry.height; ++j) {
       pack_row(scanout.depth, scanout.row(j), row_.data(),
-               static_cast<size_t>(scanout.geometry.width));
+               static_cast<size_t>(scanout.geometry.width), isa);
       XXH64_update(hash_.get(), row_.data(), row_.size());
     }
     return XXH64_digest(hash_.get());
@@ -221,9 +222,10 @@ class PngRecorder final : public ScanoutRecorder {
       // The folder is created once: if it is removed during recording, it is not created again.
       if (!made_) made_ = fs::create_directories(folder_) || fs::is_directory(folder_);
       if (frame_.geometry() != scanout.geometry) frame_ = frames::WovenFrame(scanout.geometry);
+      const Isa isa = best_isa();
       for (int j = 0; j < scanout.geometry.height; ++j)
         pack_row(scanout.depth, scanout.row(j), frame_.row(j),
-                 static_cast<size_t>(scanout.geometry.width));
+                 static_cast<size_t>(scanout.geometry.width), isa);
       frames::write_woven(frame_.view(), folder_ / fmt::format("{:08}.png", shown.id));
       writes().succeeded();
     } catch (const std::exception& error) {

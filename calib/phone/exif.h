@@ -3,12 +3,12 @@
 // file says of place, time and owner.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "calib/calibration.h"
@@ -47,39 +47,43 @@ namespace lenticule::calib {
   return {focal, kSigma * focal};
 }
 
-/// Returns a JPEG file without application data, comments and what follows the picture, which may
-/// be a film: only orientation and focal length stay, as a new EXIF block. The pixels are not coded
-/// again. Returns nothing for other files; damage stays where it is.
+/// Returns the picture of a JPEG file, without new coding, and its focal length: tables, scans, and
+/// Adobe's mark of the colour space stay; all other segments go, and so does what follows the
+/// picture, which may be a film. Returns nothing for other files. A damaged segment ends the
+/// result.
 [[nodiscard]] inline std::vector<uint8_t> anonymous_jpeg(std::span<const uint8_t> jpeg) {
-  constexpr uint8_t kMark = 0xff, kStart = 0xd8, kEnd = 0xd9, kScan = 0xda, kComment = 0xfe;
-  constexpr uint8_t kApp0 = 0xe0, kAdobe = 0xee, kApp15 = 0xef;  // Adobe's tells the colour space
+  constexpr uint8_t kMark = 0xff, kStart = 0xd8, kEnd = 0xd9, kScan = 0xda, kAdobe = 0xee;
   if (jpeg.size() < 4 || jpeg[0] != kMark || jpeg[1] != kStart) return {};
-  const auto orientation =
-      static_cast<uint8_t>(frames::ExifTags(frames::exif_of_jpeg(jpeg)).orientation());
   const auto focal = static_cast<unsigned>(stated_focal_35mm(jpeg).value_or(0.0));
   const auto high = static_cast<uint8_t>(focal >> 8), low = static_cast<uint8_t>(focal & 255U);
   std::vector<uint8_t> out = {
-      kMark, kStart, kMark, 0xe1, 0, 64, 'E', 'x', 'i',  'f',         0, 0, 'M',  'M',  0, 42,
-      0,     0,      0,     8,    0, 2,  // big-endian; two entries
-      0x01,  0x12,   0,     3,    0, 0,  0,   1,   0,    orientation, 0, 0, 0x87, 0x69, 0, 4,
-      0,     0,      0,     1,    0, 0,  0,   38,  // entries of EXIF at 38
-      0,     0,      0,     0,    0, 1,            // one entry
-      0xa4,  0x05,   0,     3,    0, 0,  0,   1,   high, low,         0, 0, 0,    0,    0, 0};
-  const auto keep = [&](size_t from, size_t to) {
-    out.insert(out.end(), jpeg.begin() + static_cast<ptrdiff_t>(from),
-               jpeg.begin() + static_cast<ptrdiff_t>(to));
+      kMark, kStart, kMark, 0xe1, 0, 52, 'E',  'x',  'i', 'f', 0,    0,  // a segment of 52 bytes
+      'M',   'M',    0,     42,   0, 0,  0,    8,    0,   1,   0x87, 0x69,
+      0,     4,      0,     0,    0, 1,  0,    0,    0,   26,  // EXIF at 26
+      0,     0,      0,     0,    0, 1,  0xa4, 0x05, 0,   3,   0,    0,
+      0,     1,      high,  low,  0, 0,  0,    0,    0,   0};
+  // Marks without a length: fill, and starts and restarts in coded pixels.
+  const auto alone = [](uint8_t m) { return m <= 1 || (m >= 0xd0 && m <= kStart) || m == kMark; };
+  const auto kept = [](uint8_t m, std::string_view body) {
+    return (m >= 0xc0 && m <= 0xcf && m != 0xc8) || (m >= kScan && m <= 0xdd) ||
+           (m == kAdobe && body.size() == 12 && body.starts_with("Adobe"));
   };
-  size_t at = 2;
-  while (at + 4 <= jpeg.size() && jpeg[at] == kMark && jpeg[at + 1] != kEnd) {
-    const uint8_t marker = jpeg[at + 1];
-    const size_t length = marker == kMark ? 1 : 2 + (size_t{jpeg[at + 2]} << 8 | jpeg[at + 3]);
-    size_t end = std::min(at + length, jpeg.size());
-    // Coded pixels follow a scan: in them a mark precedes 0 or the number of a restart.
-    const auto coded = [&](uint8_t next) { return next == 0 || (next >= 0xd0 && next <= 0xd7); };
-    if (marker == kScan)
-      while (end + 1 < jpeg.size() && (jpeg[end] != kMark || coded(jpeg[end + 1]))) ++end;
-    const bool application = marker >= kApp0 && marker <= kApp15 && marker != kAdobe;
-    if (marker != kMark && marker != kComment && !application) keep(at, end);
+  bool pixels = false;
+  for (size_t at = 2; at + 1 < jpeg.size();) {
+    const uint8_t mark = jpeg[at + 1];
+    if (jpeg[at] != kMark || alone(mark)) {
+      if (pixels) out.push_back(jpeg[at]);
+      ++at;
+      continue;
+    }
+    if (mark == kEnd || at + 4 > jpeg.size()) break;
+    const size_t end = at + 2 + (size_t{jpeg[at + 2]} << 8 | jpeg[at + 3]);
+    if (end < at + 4 || end > jpeg.size()) break;
+    const std::string_view body(reinterpret_cast<const char*>(jpeg.data()) + at + 4, end - at - 4);
+    if (kept(mark, body))
+      out.insert(out.end(), jpeg.begin() + static_cast<ptrdiff_t>(at),
+                 jpeg.begin() + static_cast<ptrdiff_t>(end));
+    pixels = mark == kScan;
     at = end;
   }
   out.insert(out.end(), {kMark, kEnd});

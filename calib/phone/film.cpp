@@ -16,9 +16,9 @@
 namespace lenticule::calib {
 namespace {
 
-/// Neighbours that are further apart do not show the motion between them.
-constexpr double kFarthestNeighbours = 0.3;  // seconds
-constexpr double kMostTimesSharpest = 2.0;   ///< relative to that of the sharpest tenth
+/// Neighbours that are further apart, seconds, do not show the motion between them. One may lack.
+constexpr double kFarthestNeighbours = 0.35;
+constexpr double kMostTimesSharpest = 2.0;  ///< relative to that of the sharpest tenth
 
 double blur_of(const FilmFrame& frame) {
   std::vector<double> blurs;
@@ -44,8 +44,8 @@ double focal_of(const std::vector<const FilmFrame*>& frames) {
   return upper_median(aside.size() >= 3 ? std::move(aside) : std::move(all));
 }
 
-/// Returns the mean motion between two frames, for one camera of both: the errors of an own camera
-/// of each would look like motion.
+/// Returns the mean motion between two frames. Computes both poses with one focal length and axis:
+/// separate ones would differ by their errors, which look like motion.
 std::optional<PhotoMotion> motion_between(const FilmFrame& before, const FilmFrame& after,
                                           const SinglePhotoChart& chart, double focal_px) {
   PhotoPriors camera{.focal_px = Estimate{focal_px, 0.001 * focal_px}, .axis_sigma = 3e-4};
@@ -156,14 +156,17 @@ FilmChoice choose_frames(const std::vector<FilmFrame>& frames, const SinglePhoto
         blur_of(frames[n]) <= most_blur)
       usable.push_back(n);
   out.sharp = usable.size();
-  while (chosen.size() < std::min(usable.size(), kMostFilmFrames)) {
+  std::vector<size_t> rest = usable;
+  while (!rest.empty() && chosen.size() < kMostFilmFrames) {
     // The first is the one farthest from where the film begins.
     const auto distance = [&](size_t n) {
       double least = chosen.empty() ? apart(frames[n], frames[usable.front()]) : 1e9;
       for (const size_t other : chosen) least = std::min(least, apart(frames[n], frames[other]));
       return least;
     };
-    chosen.push_back(*std::ranges::max_element(usable, {}, distance));
+    const auto next = std::ranges::max_element(rest, {}, distance);
+    chosen.push_back(*next);
+    rest.erase(next);
   }
   std::ranges::sort(chosen);
   out.refusal = film_refusal(frames, out.whole, chosen);

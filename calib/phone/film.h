@@ -33,7 +33,7 @@ struct FilmChoice {
 };
 
 /// Chooses up to kMostFilmFrames sharp frames of the whole chart from places far apart. `frames`
-/// are a part of the film at equal intervals.
+/// are a part of the film, in its order.
 [[nodiscard]] FilmChoice choose_frames(const std::vector<FilmFrame>& frames,
                                        const SinglePhotoChart& chart);
 

@@ -294,7 +294,7 @@ bool is_stabilised(const PhoneFit& fit) {
   constexpr double kShifted = 3.0;  // standard deviations
   const auto shifted = std::ranges::count_if(
       fit.photos, [](const PhotoFit& frame) { return frame.shift_pull > kShifted; });
-  return 3 * static_cast<size_t>(shifted) >= fit.photos.size() || joint_pull(fit) > kMostJointPull;
+  return 3 * static_cast<size_t>(shifted) >= fit.photos.size();
 }
 
 /// Returns what another photograph should be like: one instead of a cut one, one from each place,

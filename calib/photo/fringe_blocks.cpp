@@ -24,6 +24,9 @@ namespace {
 /// Standard error of the corners in the picture: generous, since a tag of which only the outline
 /// could be used has edges as coarse as lenses.
 constexpr double kCornerSigmaPx = 0.3;
+/// That of the smooth warp which the correction of a phone's lens leaves in its pictures, in longer
+/// sides. Without it, a warp looks like an axis far off the middle.
+constexpr double kWarpSigma = 0.0003;
 
 /// Standard deviation of the axis of a phone whose pictures nobody cropped from the middle of its
 /// picture, in longer sides: in most, it is within 0.8 %.
@@ -187,10 +190,11 @@ void add_corners(ceres::Problem& problem, Unknowns& unknowns, const std::vector<
                  bool robust = true) {
   using Cost = ceres::AutoDiffCostFunction<CornerError, 2, 5, 3, 3>;
   const double longer_px = 2.0 * std::max(middle_px.x, middle_px.y);
+  const double sigma_px = std::hypot(kCornerSigmaPx, kWarpSigma * longer_px);
   for (const Corner& corner : corners)
     problem.AddResidualBlock(
         new Cost(new CornerError{corner, middle_px, longer_px, sheet.gap.value,
-                                 sheet.refraction_shape, pixels_per_mm / kCornerSigmaPx}),
+                                 sheet.refraction_shape, pixels_per_mm / sigma_px}),
         robust ? new ceres::CauchyLoss(3.0) : nullptr, unknowns.lens.data(),
         unknowns.rotation.data(), unknowns.eye.data());
 }
@@ -320,7 +324,8 @@ std::optional<PhotoPose> find_pose(const std::vector<TagSighting>& tags,
   };
   pose.doubted_eye = eye_under(doubted(pose_priors, priors));
   PosePriors uncropped = pose_priors;
-  uncropped.axis_sigma = kUncroppedAxisSigma;
+  // An axis that seems far off the middle is a sign of a warp.
+  uncropped.axis_sigma = std::hypot(kUncroppedAxisSigma, unknowns.lens[3], unknowns.lens[4]);
   pose.uncropped_eye = eye_under(uncropped);
   pose.prior_pull =
       std::hypot((unknowns.lens[0] - pose_priors.log_focal.value) / pose_priors.log_focal.sigma,

@@ -31,7 +31,7 @@ def vm_test(machine, fresh=False, slow=False, since=()):
     """Registers a test.
 
     fresh: the test gets its own machine, because it leaves the machine changed.
-    slow: the test takes minutes, and --quick skips it; a quick test covers the same with less.
+    slow: the test takes minutes, and --quick skips it; most have a quick test that covers the same with less.
     since: the series of the kernel that first has what is tested, for example (6, 19). An older kernel
     does not run the test.
     """

@@ -108,7 +108,7 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   const calib::SinglePhotoChart chart = calib::plan_single_photo_chart(rig);
   const calib::CameraPicture photograph = calib::read_photograph(flags.sources.front());
   const calib::Calibration found = calib::fit_single_photo(photograph, chart, priors_of(flags));
-  const calib::CameraFacts camera{.name = flags.sources.front(),
+  const calib::CameraFacts camera{.name = fs::path(flags.sources.front()).filename(),
                                   .width = photograph.width,
                                   .height = photograph.height,
                                   .channels = photograph.channels,
@@ -127,6 +127,7 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
 ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
   HandHeldPhotos photos(rig, flags.focal_px);
   if (is_film(flags.sources.front())) {
+    if (!flags.distances_mm.empty()) throw usage_error("--distance: a film is taken from many");
     if (!photos.add_film(flags.sources.front())) return player::interrupt_exit_code();
   } else {
     player::Progress progress("measuring", "photographs", flags.sources.size());
@@ -149,6 +150,12 @@ ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
           "panel, its size in the rig seems {:+.1f} % off",
           first.name, first.eye_mm.z, taped, 100.0 * off / taped));
   }
+  if (const auto better = photos.better_start(); better && found.verdict == calib::Verdict::Refused)
+    found.reasons.push_back(
+        fmt::format("the pitch is {:.3f} subpixels, far from the start's: write it into the rig, "
+                    "show the chart "
+                    "again, and take everything again",
+                    better->sheet.pitch.value));
   return conclude(flags, rig, found, photos.details(),
                   {{"photographs", photos.to_json(found)}, {"film", photos.film()}});
 }
@@ -389,7 +396,7 @@ class Collection {
     }
     for (const std::string& reason : found.reasons) say("not yet: {}\n", reason);
     if (found.verdict != calib::Verdict::Intrinsic) return false;
-    if (count >= static_cast<size_t>(flags_.least)) return true;
+    if (photos_.is_film() || count >= static_cast<size_t>(flags_.least)) return true;
     constexpr size_t kFew = 3;  // for which the last warning is that the sheet may have moved
     say("not yet: {}\n", count <= kFew ? found.warnings.back() : "take one more");
     return false;
@@ -401,35 +408,47 @@ class Collection {
     ++taken_;
     bool good = false;
     const bool film = is_film(file);
-    if (!photos_.files().empty() && (film || photos_.is_film())) {
-      say("a film is fitted alone: only {} counts now\n", name);
-      photos_ = HandHeldPhotos(photos_.chart().start, flags_.focal_px);
-      errors_.clear();
+    if (film && photos_.usable() > 0 && !photos_.is_film()) {  // of a photograph that moves
+      say("{}: not used: a film is fitted alone, and photographs count already\n", name);
+      return false;
     }
+    if (!film && photos_.is_film()) start_again(photos_.chart().start);
     try {
-      const std::string refusal = film ? "" : photos_.add(file);
-      good = film ? photos_.add_film(file) : refusal.empty();
-      if (!film) say("{}: {}\n", name, good ? "good" : "not used: " + refusal);
+      if (film) {
+        HandHeldPhotos alone(photos_.chart().start, flags_.focal_px);
+        good = alone.add_film(file) && alone.film_refusal().empty();
+        if (good)
+          photos_ = std::move(alone);
+        else if (!alone.film_refusal().empty())
+          say("not used: {}\n", alone.film_refusal());
+      } else {
+        const std::string refusal = photos_.add(file);
+        good = refusal.empty();
+        say("{}: {}\n", name, good ? "good" : "not used: " + refusal);
+      }
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::Input) throw;
       say("{}: not used: {}{}\n", name, error.what(),
           film ? "" : "; let the phone store JPEG files");
     }
-    if (!planned_again_ && (film || photos_.usable() == 1)) plan_again();
+    if (good && !planned_again_ && (film || photos_.usable() == 1)) plan_again();
     return good;
+  }
+  void start_again(const optics::Rig& start) {
+    photos_ = HandHeldPhotos(start, flags_.focal_px);
+    errors_.clear();
   }
 
   void plan_again() {
     const auto better = photos_.better_start();
     if (!better) return;
     say("the pitch is {:.3f} subpixels, far from the start's {:.3f}: the chart has changed; take "
-        "all photographs again\n",
+        "everything again\n",
         better->sheet.pitch.value, photos_.chart().start.sheet.pitch.value);
-    photos_ = HandHeldPhotos(*better, flags_.focal_px);
+    start_again(*better);
     panel_.show(calib::draw_single_photo_chart(photos_.chart()));
     planned_again_ = true;
     taken_ = 0;
-    errors_.clear();
   }
 
   const PhoneFlags& flags_;
@@ -442,7 +461,7 @@ class Collection {
 };
 
 ExitCode run_phone(const PhoneFlags& flags) {
-  if (is_film(flags.folder))  // it is there already: nothing is to be shown
+  if (is_film(flags.folder))  // the chart was shown before
     return run_photos({.sources = {flags.folder},
                        .rig = flags.rig,
                        .write_patterns = {},
@@ -460,7 +479,7 @@ ExitCode run_phone(const PhoneFlags& flags) {
       "2. Send the photographs as the phone stored them to {}\n"
       "3. Wait: each is measured as it arrives. Ctrl-C ends.\n"
       "Or film the panel for ten seconds, while you move the phone from the upper left over the\n"
-      "middle to the upper right, without video stabilisation, and send the film.\n",
+      "middle to the upper right, without video stabilisation and HDR, and send the film.\n",
       flags.folder);
   const auto found = collection.run();
   if (!found) return player::interrupt_exit_code();
@@ -500,7 +519,7 @@ CalibrateWay declare_calibrate_phone(CLI::App& app) {
       "  lenticule calibrate phone inbox --rig start.toml --display kms -o kiosk.toml\n"
       "Photographs that are already there: lenticule calibrate photos 1.jpg 2.jpg 3.jpg 4.jpg\n"
       "A film instead, of the phone moved past the chart in ten seconds, from the upper left over\n"
-      "the middle to the upper right; switch the phone's video stabilisation off:\n"
+      "the middle to the upper right; switch off the phone's video stabilisation and HDR video:\n"
       "  lenticule calibrate phone FILM.mp4 --rig start.toml -o kiosk.toml");
   way->add_option("FOLDER", flags->folder,
                   "folder in which the photographs or a film arrive, or a film")

@@ -62,7 +62,14 @@ inline calib::CameraPicture sensor_picture(const frames::FrameView& frame,
 inline bool read_film(const std::filesystem::path& file,
                       const std::function<bool(uint64_t, double)>& wanted,
                       const std::function<bool(uint64_t, double, calib::CameraPicture)>& use) {
-  const auto source = player::open_video({.file = file, .slots = 4, .before_weaving = true});
+  const auto accept = [&file](const frames::FrameGeometry& size) {
+    constexpr int64_t kMostPixels = 40'000'000;
+    if (int64_t{size.width} * size.height > kMostPixels)
+      throw input_error("{}: {} x {} pixels are too many for a film of a phone", file.string(),
+                        size.width, size.height);
+  };
+  const auto source =
+      player::open_video({.file = file, .slots = 4, .before_weaving = true, .accept = accept});
   const auto orientation = player::probe_video(file).front().orientation;
   if (!source->rate())
     throw input_error("{}: the film states no frame rate", file.string())

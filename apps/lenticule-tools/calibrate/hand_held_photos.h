@@ -91,9 +91,11 @@ class HandHeldPhotos {
       waiting.pop_front();
     };
     player::Progress progress(name, "frames", 0);
-    const auto thinned = [](uint64_t number, double hertz) {
+    // A film with an uneven rate lacks numbers.
+    const auto thinned = [&seen](uint64_t number, double hertz) {
       constexpr double kPerSecond = 10.0;
-      return number % static_cast<uint64_t>(std::max(std::lround(hertz / kPerSecond), 1L)) == 0;
+      return seen.empty() ||
+             static_cast<double>(number - seen.back().number) >= std::round(hertz / kPerSecond);
     };
     if (!read_film(file, thinned,
                    [&, this](uint64_t number, double s, calib::CameraPicture picture) {
@@ -120,22 +122,26 @@ class HandHeldPhotos {
       film_["used_at_s"].push_back(seen[index].seconds);
     say("{}: {} frames looked at, {} show the whole chart, {} of them sharply; {} used\n", name,
         seen.size(), choice.whole, choice.sharp, choice.frames.size());
-    film_focal_px_ = choice.focal_px;
+    if (!given_focal_px_) film_focal_px_ = choice.focal_px;
     film_refusal_ = choice.refusal.empty() ? "" : name + ": " + choice.refusal;
     auto next = choice.frames.begin();
     const auto chosen = [&](uint64_t number, double) {
       return next != choice.frames.end() && seen[next->frame].number == number;
     };
-    return choice.frames.empty() ||
-           read_film(file, chosen,
-                     [&, this](uint64_t, double seconds, calib::CameraPicture picture) {
-                       Measured frame =
-                           measure(picture, file, fmt::format("{} at {:.2f} s", name, seconds));
-                       frame.photo.findings.motion = next->motion;
-                       keep(std::move(frame));
-                       return ++next != choice.frames.end();
-                     });
+    if (choice.frames.empty()) return true;
+    const bool whole =
+        read_film(file, chosen, [&, this](uint64_t, double seconds, calib::CameraPicture picture) {
+          Measured frame = measure(picture, file, fmt::format("{} at {:.2f} s", name, seconds));
+          frame.photo.findings.motion = next->motion;
+          keep(std::move(frame));
+          return ++next != choice.frames.end();
+        });
+    if (whole && next != choice.frames.end())
+      film_refusal_ = name + ": it gave other frames when it was read again";
+    return whole;
   }
+  /// Returns why the film cannot be used; empty if it can.
+  [[nodiscard]] const std::string& film_refusal() const { return film_refusal_; }
   [[nodiscard]] bool is_film() const { return is_film_; }
   /// Returns how many frames of the film were looked at, sharp, and used; null without a film.
   [[nodiscard]] const nlohmann::json& film() const { return film_; }
@@ -237,8 +243,9 @@ class HandHeldPhotos {
   [[nodiscard]] Measured measure(const calib::CameraPicture& picture,
                                  const std::filesystem::path& file, std::string name,
                                  bool only_tags = false) const {
-    const calib::Estimate focal = film_focal_px_.value_or(
-        focal_of(given_focal_px_, file, std::max(picture.width, picture.height)));
+    const calib::Estimate focal =
+        film_focal_px_ ? *film_focal_px_
+                       : focal_of(given_focal_px_, file, std::max(picture.width, picture.height));
     return {.photo = {.name = std::move(name),
                       .findings = calib::measure_hand_held(picture, chart_, focal, only_tags)},
             .focal = focal,
@@ -339,7 +346,8 @@ inline void declare_pack_flag(CLI::App& app, std::string& archive) {
   cli::add_option(
       app, "--pack FILE", archive,
       "also write a tar archive of photographs, rig and result\n"
-      "Others can repeat the calibration with it. JPEG files lose place, time and owner.");
+      "Others can repeat the calibration with it. JPEG files lose place, time and owner;\n"
+      "films and other files are packed as they are.");
 }
 
 inline std::string command_of(const PhotoPack& pack, const std::vector<std::string>& names) {
@@ -356,26 +364,24 @@ inline std::string command_of(const PhotoPack& pack, const std::vector<std::stri
 inline void pack_source(const std::filesystem::path& from, const std::filesystem::path& to) {
   if (std::filesystem::is_directory(from)) {
     std::filesystem::create_directory(to);
-    for (const auto& entry : std::filesystem::directory_iterator(from))
-      pack_source(entry.path(), to / entry.path().filename());
+    for (const std::filesystem::path& entry : entries_of(from))
+      pack_source(entry, to / entry.filename());
     return;
   }
-  std::ifstream in(from, std::ios::binary);
-  const std::vector<char> text{std::istreambuf_iterator<char>(in), {}};
-  const std::vector<uint8_t> bytes =
-      calib::anonymous_jpeg({reinterpret_cast<const uint8_t*>(text.data()), text.size()});
-  if (bytes.empty())
-    std::filesystem::copy(from, to);
-  else
+  constexpr uint64_t kLargest = uint64_t{1} << 28;
+  const std::string kind = lower_case(from.extension().string());
+  if (kind == ".jpg" || kind == ".jpeg") {
+    const std::vector<uint8_t> bytes = calib::anonymous_jpeg(read_whole_file(from, kLargest));
     write_text_file(to, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+    return;
+  }
+  std::filesystem::copy_file(from, to);
+  say("{}: packed as it is: look whether it states place, time or owner\n", from.string());
 }
 
-/// Returns "02-IMG_7.jpg" for the second source.
+/// Returns "02.jpg" for the second source: names of phones have model and time.
 inline std::string name_in_pack(size_t index, const std::filesystem::path& source) {
-  std::string name = source.filename().string();
-  if (name.empty()) name = source.parent_path().filename().string();  // "folder/"
-  std::erase(name, '\'');
-  return fmt::format("{:02}-{}", index + 1, name);
+  return fmt::format("{:02}{}", index + 1, lower_case(source.extension().string()));
 }
 
 inline void run_tar(const std::filesystem::path& folder, const std::filesystem::path& archive) {
@@ -401,12 +407,22 @@ inline void write_photo_pack(const PhotoPack& pack, const std::filesystem::path&
   try {
     std::filesystem::create_directory(folder);
     std::vector<std::string> names;
+    std::string report = pack.report.dump(2) + "\n";
+    const auto rename = [&report](const std::string& from, const std::string& to) {
+      for (size_t at = 0; !from.empty() && (at = report.find(from, at)) != std::string::npos;
+           at += to.size())
+        report.replace(at, from.size(), to);
+    };
     for (size_t k = 0; k < pack.sources.size(); ++k) {
       names.push_back(name_in_pack(k, pack.sources[k]));
       pack_source(pack.sources[k], folder / names.back());
+      rename(pack.sources[k].string(), names.back());
+      rename(pack.sources[k].filename().string(), names.back());
     }
-    optics::save_rig(pack.start, folder / "start.toml");
-    write_text_file(folder / "report.json", pack.report.dump(2) + "\n");
+    optics::Rig start = pack.start;
+    start.identity = {};
+    optics::save_rig(start, folder / "start.toml");
+    write_text_file(folder / "report.json", report);
     write_text_file(folder / "README.txt",
                     fmt::format("Photographs of a lens sheet, for lenticule {}. To repeat the "
                                 "calibration, run in this folder:\n\n    {}\n\n"

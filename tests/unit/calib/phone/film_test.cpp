@@ -98,8 +98,7 @@ TEST_F(Film, ChosenFramesAreSharpAndFarApart) {
   });
   EXPECT_EQ(slow.sharp, all.sharp + 20);
   ASSERT_EQ(slow.frames.size(), kMostFilmFrames);
-  EXPECT_EQ(slow.frames[slow.frames.size() - 2].frame,
-            all.frames[all.frames.size() - 2].frame + 60);
+  EXPECT_EQ(slow.frames.back().frame, all.frames.back().frame + 60);
 }
 
 TEST_F(Film, EachFaultHasItsOwnRefusal) {
