@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "frames/picture_codec.h"
-#include "tests/support/jpeg_maker.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/jpeg_maker.h"
 
 namespace lenticule::frames {
 namespace {

@@ -14,9 +14,9 @@
 #include "base/file.h"
 #include "frames/image_io.h"
 #include "tests/support/error_matchers.h"
+#include "tests/support/jpeg_maker.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/frames/heif_maker.h"
-#include "tests/support/jpeg_maker.h"
 #include "tests/unit/frames/png_maker.h"
 #include "tests/unit/player/video_stage.h"
 
