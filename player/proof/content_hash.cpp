@@ -2,6 +2,7 @@
 #include "player/proof/content_hash.h"
 
 #include <fmt/format.h>
+#include <openssl/crypto.h>
 #include <openssl/evp.h>
 #include <unistd.h>
 
@@ -20,6 +21,10 @@
 
 namespace lenticule::player {
 namespace {
+
+/// A thread that still hashes when the program ends would use what OpenSSL has released by then. So
+/// OpenSSL, which registers that at its first use, is told before main() not to.
+[[maybe_unused]] const int kNoCleanup = OPENSSL_init_crypto(OPENSSL_INIT_NO_ATEXIT, nullptr);
 
 constexpr uint64_t kAnySize = std::numeric_limits<uint64_t>::max();
 constexpr size_t kPiece = size_t{1} << 18;
