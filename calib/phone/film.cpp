@@ -112,6 +112,9 @@ std::string film_refusal(const std::vector<FilmFrame>& frames, size_t whole,
                          "the phone moves too fast, the chart crosses the picture in {:.1f} "
                          "s; take 5 s or more from one side to the other",
                          1.0 / speed);
+    if (whole == 0)
+      return fmt::format("none of {} frames shows the whole chart of this rig: {}", frames.size(),
+                         usual_refusal(frames));
     return begin + (whole < kLeastFrames ? usual_refusal(frames) : "move the phone more slowly");
   }
   double spread = 0.0;

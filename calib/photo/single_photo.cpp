@@ -752,13 +752,12 @@ void add_warnings(const PhotoMeasurement& work, const SinglePhotoChart& chart, b
         "photograph: too small to check whether the chart was shown pixel by pixel; take it nearer "
         "to the panel");
   out.warnings.push_back(fmt::format(
-      "phases are certain to {:.2f} lens for an eye at the camera's place if the picture is as the "
-      "phone took it, to {:.2f} if it may have been cropped{}, and to {:.1f} anywhere in the "
-      "viewing "
-      "zone, since one photograph does not show the gap",
-      out.at_camera_lenses, out.drift.worst_lenses,
-      confirmed ? "" : " and the distance is not confirmed (give both --distance and --focal-px)",
-      std::hypot(out.at_camera_lenses, lenses_of_gap(work))));
+      "phases are certain to {:.2f} lens for an eye at the camera's place if nobody cropped the "
+      "picture, to {:.2f} if somebody may have, and to {:.1f} anywhere in the viewing zone, since "
+      "one photograph does not show the gap: take three more from other places{}",
+      out.at_camera_lenses, std::max(out.at_camera_lenses, out.drift.worst_lenses),
+      std::hypot(out.at_camera_lenses, lenses_of_gap(work)),
+      confirmed ? "" : ", or give both --distance and --focal-px"));
 }
 
 /// Adds rig, viewpoint, parameters, drift, verdict and warnings of a photograph that is not

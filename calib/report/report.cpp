@@ -241,9 +241,7 @@ void add_verdict_advice(const Calibration& calibration, std::vector<std::string>
       return;
     case Verdict::Refused:
       out.emplace_back("Do not use these numbers; the previous rig file is still the best one.");
-      out.emplace_back(
-          "Remove the causes above and calibrate again, in a dark room with the camera on a "
-          "tripod.");
+      out.emplace_back("Remove the causes above, darken the room, and calibrate again.");
   }
 }
 

@@ -252,11 +252,10 @@ ExitCode run_photos(const PhotosFlags& flags) {
 
 CalibrateWay declare_calibrate_photos(CLI::App& app) {
   const auto flags = std::make_shared<PhotosFlags>();
-  CLI::App* way =
-      app.add_subcommand(
-             "photos",
-             "measure the sheet from photographs: one of the photo chart, or folders of patterns")
-          ->group(kWithCamera);
+  CLI::App* way = app.add_subcommand("photos",
+                                     "measure the sheet from photographs of the photo chart, a "
+                                     "film of it, or folders of patterns")
+                      ->group(kWithCamera);
   way->footer(
       "Example, with one photograph, good for the eye that it was taken from:\n"
       "  lenticule calibrate show photo-chart --rig start.toml --display kms\n"
@@ -409,7 +408,9 @@ class Collection {
     bool good = false;
     const bool film = is_film(file);
     if (film && photos_.usable() > 0 && !photos_.is_film()) {  // of a photograph that moves
-      say("{}: not used: a film is fitted alone, and photographs count already\n", name);
+      say("{}: not used: a film is fitted alone, and photographs count already; move them out of "
+          "the folder, or start again with the film alone\n",
+          name);
       return false;
     }
     if (!film && photos_.is_film()) start_again(photos_.chart().start);
@@ -461,7 +462,9 @@ class Collection {
 };
 
 ExitCode run_phone(const PhoneFlags& flags) {
-  if (is_film(flags.folder))  // the chart was shown before
+  // The chart was shown before. Reading a film that is not there names it.
+  if (is_film(flags.folder) || (player::kind_of_file(flags.folder) == player::SourceKind::Video &&
+                                !fs::exists(flags.folder)))
     return run_photos({.sources = {flags.folder},
                        .rig = flags.rig,
                        .write_patterns = {},

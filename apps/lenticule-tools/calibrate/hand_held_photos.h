@@ -138,6 +138,7 @@ class HandHeldPhotos {
         });
     if (whole && next != choice.frames.end())
       film_refusal_ = name + ": it gave other frames when it was read again";
+    camera_.name = name;
     return whole;
   }
   /// Returns why the film cannot be used; empty if it can.
@@ -420,7 +421,11 @@ inline void write_photo_pack(const PhotoPack& pack, const std::filesystem::path&
       rename(pack.sources[k].filename().string(), names.back());
     }
     optics::Rig start = pack.start;
+    rename(start.identity.serial, "-");
+    rename(start.identity.edid_sha256, "-");
+    rename(start.name, "panel");
     start.identity = {};
+    start.name = "panel";
     optics::save_rig(start, folder / "start.toml");
     write_text_file(folder / "report.json", report);
     write_text_file(folder / "README.txt",
@@ -431,6 +436,7 @@ inline void write_photo_pack(const PhotoPack& pack, const std::filesystem::path&
     const std::filesystem::path made = work.path() / "pack.tar";
     run_tar(work.path(), made);
     std::filesystem::rename(made, archive);
+    say("pack: {}\n", archive.string());
   } catch (const std::filesystem::filesystem_error& error) {
     throw failed_error("{}: cannot be packed: {}", error.path1().string(), error.code().message());
   }

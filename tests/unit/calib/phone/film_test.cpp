@@ -110,7 +110,7 @@ TEST_F(Film, EachFaultHasItsOwnRefusal) {
                 frame.found.tags.resize(1);
                 frame.found.refusal = "only 1 of 9 tags were found: the panel is cut";
               }),
-              HasSubstr("only 0 of 24 frames show the whole chart sharply: only 1 of 9 tags"));
+              HasSubstr("none of 24 frames shows the whole chart of this rig: only 1 of 9 tags"));
   EXPECT_THAT(refusal_after([](FilmFrame& frame) {
                 frame.found.tags.resize(1);
                 frame.found.tags[0].id = 0;
