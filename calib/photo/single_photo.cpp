@@ -752,9 +752,9 @@ void add_warnings(const PhotoMeasurement& work, const SinglePhotoChart& chart, b
         "photograph: too small to check whether the chart was shown pixel by pixel; take it nearer "
         "to the panel");
   out.warnings.push_back(fmt::format(
-      "phases are certain to {:.2f} lens for an eye at the camera's place if nobody cropped the "
-      "picture, to {:.2f} if somebody may have, and to {:.1f} anywhere in the viewing zone, since "
-      "one photograph does not show the gap: take three more from other places{}",
+      "phases are certain to {:.2f} lens for an eye at the camera's place, to {:.2f} there if the "
+      "picture was cropped, and to {:.1f} anywhere in the viewing zone, since one photograph does "
+      "not show the gap: take three more from other places{}",
       out.at_camera_lenses, std::max(out.at_camera_lenses, out.drift.worst_lenses),
       std::hypot(out.at_camera_lenses, lenses_of_gap(work)),
       confirmed ? "" : ", or give both --distance and --focal-px"));

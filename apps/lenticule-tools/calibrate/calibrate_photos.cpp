@@ -153,8 +153,7 @@ ExitCode from_several(const PhotosFlags& flags, const optics::Rig& rig) {
   if (const auto better = photos.better_start(); better && found.verdict == calib::Verdict::Refused)
     found.reasons.push_back(
         fmt::format("the pitch is {:.3f} subpixels, far from the start's: write it into the rig, "
-                    "show the chart "
-                    "again, and take everything again",
+                    "show the chart again, and take everything again",
                     better->sheet.pitch.value));
   return conclude(flags, rig, found, photos.details(),
                   {{"photographs", photos.to_json(found)}, {"film", photos.film()}});

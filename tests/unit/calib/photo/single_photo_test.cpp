@@ -345,7 +345,7 @@ TEST(SinglePhoto, StatesWhatAnUnknownAxisCosts) {
   EXPECT_GT(placed_error(found, s), 0.01);
   EXPECT_LT(placed_error(found, s), found.at_camera_lenses);
   EXPECT_LT(found.at_camera_lenses, 0.5 * found.drift.worst_lenses);
-  EXPECT_THAT(found.warnings.back(), HasSubstr("one photograph does not show the gap"));
+  EXPECT_THAT(found.warnings.back(), HasSubstr("since one photograph does not show the gap"));
 }
 
 TEST(SinglePhoto, SurvivesArbitraryPictures) {
