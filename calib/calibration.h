@@ -140,7 +140,7 @@ struct Calibration {
   std::optional<LensSpot> spot;
   LinkCheck link;
   DriftPrediction drift;
-  /// Of one photograph: `drift` if nobody cropped the picture. 0 for other methods.
+  /// What `drift` would be if one photograph were certainly not cropped; 0 for other methods.
   double at_camera_lenses = 0.0;
   double seconds_computing = 0.0;
 };

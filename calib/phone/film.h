@@ -13,7 +13,7 @@ namespace lenticule::calib {
 
 /// FilmFrame is what a frame shows before its fringes are measured: tags and place of the camera.
 struct FilmFrame {
-  uint64_t number = 0;  ///< in the film
+  uint64_t number = 0;  ///< frames of the film before it
   double seconds = 0.0;
   PhotoFindings found;
 };
@@ -26,7 +26,7 @@ struct FilmChoice {
   };
   std::vector<Chosen> frames;  ///< none if the film is refused
   size_t whole = 0;            ///< frames that show the whole chart
-  size_t sharp = 0;            ///< of these, sharp ones between two others, which show their motion
+  size_t sharp = 0;            ///< whole and sharp frames whose neighbours show their motion
   /// Focal length in pixels of the film, roughly: a start for the measurement of single frames.
   std::optional<Estimate> focal_px = {};
   std::string refusal;  ///< why the film cannot be used; empty if it can

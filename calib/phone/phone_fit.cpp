@@ -295,7 +295,8 @@ class PhoneModel {
 };
 
 constexpr double kGapSigma = 0.15;  ///< relative standard deviation of the gap's prior
-constexpr double kUsualReadout = 0.018, kReadoutSigma = 0.006;  ///< of films, seconds
+/// Prior of the time in which a phone reads the rows of a frame.
+constexpr double kUsualReadoutS = 0.018, kReadoutSigmaS = 0.006;
 
 /// Returns the pose block of a pose whose camera looks along -z with y up.
 PoseValues pose_values(const PhotoPose& pose) {
@@ -369,7 +370,7 @@ VectorXd start_values(const PhoneModel& model, const std::vector<PhotoFindings>&
     own[PhoneModel::kShiftY] = (pose.middle_px.y - values[kCentreY]) / model.longer_px();
     own[PhoneModel::kLarger] = pose.tags_larger;
   }
-  if (model.is_film()) values[model.readout_at()] = kUsualReadout;
+  if (model.is_film()) values[model.readout_at()] = kUsualReadoutS;
   return values;
 }
 
@@ -666,7 +667,7 @@ class Joint {
     add_priors(problem, values_.data() + PhoneModel::kWarp, kWarpCount, small);
     if (model_.is_film())
       add_priors(problem, values_.data() + model_.readout_at(), 1,
-                 {{0, kUsualReadout, kReadoutSigma}});
+                 {{0, kUsualReadoutS, kReadoutSigmaS}});
     problem.AddResidualBlock(
         new ceres::NormalPrior(map_weights(model_.grid()), VectorXd::Zero(model_.grid().count())),
         nullptr, values_.data() + PhoneModel::kKnots);

@@ -28,8 +28,8 @@ constexpr double kCornerSigmaPx = 0.3;
 /// sides. Without it, a warp looks like an axis far off the middle.
 constexpr double kWarpSigma = 0.0003;
 
-/// Standard deviation of the axis of a phone whose pictures nobody cropped from the middle of its
-/// picture, in longer sides: in most, it is within 0.8 %.
+/// Standard deviation of a phone's axis from the middle of an uncropped picture, in longer sides.
+/// In most phones the axis is within 0.8 %.
 constexpr double kUncroppedAxisSigma = 0.006;
 
 struct Corner {

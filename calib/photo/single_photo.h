@@ -55,7 +55,7 @@ struct PlaneCorrection {
 
 /// PhotoMotion is how the camera moved while a frame of a film was taken.
 struct PhotoMotion {
-  Vec3 mm_s;       ///< of the pupil, in the panel's frame
+  Vec3 mm_s;       ///< velocity of the pupil in the panel's frame
   Vec3 radians_s;  ///< rotation about the camera's axes: right, down, forward
 };
 
@@ -73,7 +73,7 @@ struct PhotoFindings {
   double contrast = 0.0;
   double covered = 0.0;
   double saturated = 0.0;  ///< fraction of the values on the panel that were clipped
-  std::optional<PhotoMotion> motion = {};  ///< of a frame of a film; a photograph has none
+  std::optional<PhotoMotion> motion = {};  ///< set for frames of a film only
 };
 
 /// Measures a photograph as fit_single_photo() does; with `only_tags` no fringes, which is faster.

@@ -96,8 +96,8 @@ constexpr int kCell = 8;  ///< side of the squares of pixels in which rays are i
 /// Samples per pixel and axis. A pixel of a camera has no random samples: with two instead of four,
 /// their noise doubles the scatter of the measured phases.
 constexpr int kSide = 4;
-constexpr unsigned kSubExposures =
-    2;  ///< of a picture that is blurred by motion, with kSide - 1 each
+/// A picture that motion blurs is the mean of so many, each with kSide - 1 samples.
+constexpr unsigned kSubExposures = 2;
 
 SensorWindow window_of(SimulatedCamera camera, const optics::Panel& panel) {
   camera.k1 = camera.k2 = 0.0;

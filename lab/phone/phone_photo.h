@@ -25,7 +25,7 @@ struct Wave {
 /// sensor, whose pixels are `width` x `height`; relative lengths in its longer side.
 struct Phone {
   int width = 4000;
-  int height = 3000;    ///< of a film 9/16 of the width
+  int height = 3000;    ///< films have 9/16 of the width
   double focal = 0.75;  ///< longer sides; 0.75 is 27 mm on 35 mm film
   /// Focal length that EXIF states, relative to the true one: it is rounded to whole millimetres.
   double stated_focal = 1.0;
@@ -55,7 +55,7 @@ struct Shot {
   Vec2 stabilisation;         ///< shift of the axis by the stabiliser, longer sides
   Vec3 drift_mm_s;            ///< motion of the hand during the readout
   Vec3 turn_degrees_s;        ///< rotation about the camera's axes during the readout
-  double exposure_s = 0.0;    ///< of each row; the hand's motion blurs the picture
+  double exposure_s = 0.0;    ///< exposure of each row, during which the hand moves
   bool hdr = false;  ///< two exposures, apart by the hand's motion, merged and strongly mapped
   double room_light = 0.02;  ///< light of the room reflected by the panel, relative to white
   uint64_t seed = 1;

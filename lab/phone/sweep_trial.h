@@ -63,7 +63,7 @@ class SweepTrial {
   SheetShape sheet_;
   calib::SinglePhotoChart chart_;
   calib::Estimate focal_px_;
-  std::string refusal_;  ///< of the choice of frames
+  std::string refusal_;  ///< why no frames were chosen; empty if some were
   std::vector<calib::FilmFrame> frames_;
   std::vector<calib::PhonePhoto> chosen_;
 };

@@ -64,7 +64,7 @@ class Sweep {
   uint64_t seed_;
   double seconds_, distance_;
   double room_light_, breathing_, exposure_s_, stabilisation_, stabilisation_turn_;
-  std::array<Wobble, 6> wobble_;  ///< of the eye, of the point looked at, of the roll
+  std::array<Wobble, 6> wobble_;  ///< eye x, y, z; point looked at x, y; roll
 };
 
 /// Makes the phone of a workshop one that takes films of this width: cropped to 16:9, without an
