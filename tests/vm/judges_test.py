@@ -14,7 +14,7 @@ from hostile_list import DAMAGED, LEFT_OUT, Item, some_of_each_kind
 from numbered_frames import NumberedPictures
 from test_cadence import FRAMES, shown_frames, unplanned_repeats
 from test_frames import changes
-from test_hostile import check_pictures, check_reports, owners_of, recorded, without_console
+from test_hostile import UNSEEN, check_pictures, check_reports, owners_of, recorded, without_console
 from vkms import FrameCrc
 from vm import Machine, MachineStalled, VmError
 from vm_test import Test
@@ -125,7 +125,16 @@ class HostileLists(unittest.TestCase):
                          [self.a, 7, self.b])
 
     def test_looks_are_read_as_they_were_written(self):
-        self.assertEqual(recorded("0000000a 2 0\nffffffff 1 3\n"), ([10, 10, 0xFFFFFFFF], 3))
+        self.assertEqual(recorded("0000000a 2 0 0.00\nffffffff 1 3 0.20\n0000000b 1 0 0.45\n"),
+                         ([10, 10, 0xFFFFFFFF, UNSEEN, 11], 3))
+
+    def test_a_frame_may_be_missing_only_in_a_time_without_a_look(self):
+        self.assertEqual(self.rounds(self.a, UNSEEN, self.b, self.c), 1)
+        self.assertEqual(self.rounds(self.a, self.a2, self.b, UNSEEN, self.c), 1)
+        with self.assertRaisesRegex(AssertionError, r"/a.lts: frames \[1\] were not shown"):
+            self.rounds(self.a, self.b, UNSEEN, self.c)
+        with self.assertRaisesRegex(AssertionError, "in place of /b.lts"):
+            self.rounds(self.a, UNSEEN, self.c)
 
     def test_equal_pictures_of_two_items_are_refused(self):
         with self.assertRaisesRegex(AssertionError, "look alike"):

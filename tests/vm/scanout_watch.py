@@ -4,8 +4,9 @@
 
 Usage: scanout_watch.py CARD OUTPUT
 Each line of OUTPUT is a checksum (see checksum_of), the number of looks that found it, one after the other,
-and the number of looks since the line before that were discarded: the program flipped meanwhile, so that it
-may have written to the buffer that was being read. A buffer that is on the display must not change.
+the number of looks since the line before that were discarded, and the seconds between the last look before the
+line and the line's first. Discarded: the program flipped meanwhile, so that it may have written to the buffer
+that was being read. A buffer that is on the display must not change.
 """
 
 import fcntl
@@ -90,8 +91,10 @@ def look(card):
 
 def main(path, output):
     card = Card(path)
+    # Before the programs under test: decoders that start take the only processor for longer than a frame.
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    last, count, discarded = None, 0, 0
+    last, count, discarded, unseen, looked = None, 0, 0, 0, time.monotonic()
     with open(output, "w") as lines:
         print("looking", flush=True)
         try:
@@ -103,12 +106,14 @@ def main(path, output):
                     count += 1
                 else:
                     if last is not None:
-                        lines.write(f"{last:08x} {count} {discarded}\n")
-                    last, count, discarded = checksum, 1, 0
+                        lines.write(f"{last:08x} {count} {discarded} {unseen:.2f}\n")
+                    last, count, discarded, unseen = checksum, 1, 0, time.monotonic() - looked
+                if checksum is not None:
+                    looked = time.monotonic()
                 time.sleep(1 / LOOKS_PER_SECOND)
         finally:
             if last is not None:
-                lines.write(f"{last:08x} {count} {discarded}\n")
+                lines.write(f"{last:08x} {count} {discarded} {unseen:.2f}\n")
 
 
 if __name__ == "__main__":
