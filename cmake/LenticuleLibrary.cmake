@@ -55,17 +55,20 @@ function(lenticule_library name)
   endif()
 endfunction()
 
-# lenticule_program(NAME COMPONENT [DEPENDS ...] [SOURCES PATTERN ...])
+# lenticule_program(NAME COMPONENT [LIGHT] [DEPENDS ...] [SOURCES PATTERN ...])
 #   Adds the program lenticule-NAME (target lenticule_NAME_program) of main.cpp and the sources. It is built
-#   beside lenticule, and installed into the folder for helper programs.
+#   beside lenticule, and installed into the folder for helper programs. LIGHT: its main.cpp does not compute much.
 function(lenticule_program name component)
-  cmake_parse_arguments(PROGRAM "" "" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(PROGRAM "LIGHT" "" "SOURCES;DEPENDS" ${ARGN})
   lenticule_sources(sources main.cpp ${PROGRAM_SOURCES})
   add_executable(lenticule_${name}_program ${sources})
   set_target_properties(lenticule_${name}_program PROPERTIES
     OUTPUT_NAME lenticule-${name} RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}
     INSTALL_RPATH ${LENTICULE_HELPER_RPATH})
   target_link_libraries(lenticule_${name}_program PRIVATE ${PROGRAM_DEPENDS})
+  if(PROGRAM_LIGHT)
+    target_compile_options(lenticule_${name}_program PRIVATE $<$<CONFIG:Release>:-O1>)
+  endif()
   lenticule_batches(lenticule_${name}_program 30)
   install(TARGETS lenticule_${name}_program
     RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/lenticule COMPONENT ${component})

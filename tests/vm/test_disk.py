@@ -8,7 +8,7 @@ VIRTIO = Machine(display="virtio-gpu")
 RIG = "/tmp/tiny.toml"
 
 
-@vm_test(VIRTIO)
+@vm_test(VIRTIO, slow=True)
 def a_full_disk_leaves_no_partial_files(vm):
     program = require_program(vm, "lenticule")
     vm.write_file(RIG, (SOURCE / "scenes/rigs/tiny.toml").read_bytes())

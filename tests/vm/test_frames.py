@@ -14,7 +14,7 @@ from playing import play, stats, wait_until_shown
 from vm_test import Machine, require_program, vm_test
 
 # Slow, quick, and quick with large frames: more than the ring has slots, which are used again.
-MANY, FEW, FEWEST = 300, 6, 4
+MANY, FEW = 300, 6
 SECONDS_PER_FRAME = 180  # a bound, not an expectation
 
 
@@ -76,11 +76,6 @@ def virtio_shows_each_frame_exactly(vm):
 @vm_test(VIRTIO_4K, slow=True)
 def virtio_shows_300_frames_exactly_at_4k(vm):
     check_every_dump(vm, 3840, 2160, MANY)
-
-
-@vm_test(VIRTIO_4K)
-def virtio_shows_each_frame_exactly_at_4k(vm):
-    check_every_dump(vm, 3840, 2160, FEWEST)
 
 
 @vm_test(BOCHS, slow=True)
