@@ -34,6 +34,13 @@ struct CacheLineAllocator {
 
 using AlignedBytes = std::vector<uint8_t, CacheLineAllocator<uint8_t>>;
 
+}  // namespace lenticule::frames
+
+// Unoptimised callers would construct and destroy each byte in a loop of calls.
+extern template class std::vector<uint8_t, lenticule::frames::CacheLineAllocator<uint8_t>>;
+
+namespace lenticule::frames {
+
 enum class PixelFormat : uint32_t {
   Rgb8 = 1,   ///< R, G, B bytes
   Rgb10 = 2,  ///< little-endian 32-bit words x2 r10 g10 b10; part of the design, but the player
