@@ -2,12 +2,14 @@
 // Tests decoded pictures in RGB against the plain formula in double precision, through real files.
 #include <gmock/gmock.h>
 
-#include <cmath>
+#include <cstring>
+#include <numeric>
 
 #include "apps/lenticule-video/pixel_convert.h"
 #include "base/error.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/instruction_sets.h"
+#include "tests/support/oracles/yuv_oracle.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::video {
@@ -16,67 +18,13 @@ namespace {
 constexpr int kWidth = 37;
 constexpr int kHeight = 19;
 
-/// Converts Y'CbCr code values to RGB by the formula of the standards.
-struct Formula {
-  double kr;
-  double kb;
-  bool full;
-  int depth;
-
-  [[nodiscard]] std::array<double, 3> rgb(double y, double cb, double cr) const {
-    const double one = std::pow(2.0, depth - 8);
-    const double most = std::pow(2.0, depth) - 1.0;
-    const double luma = full ? y / most : (y - 16.0 * one) / (219.0 * one);
-    const double blue = (cb - 128.0 * one) / (full ? most : 224.0 * one);
-    const double red = (cr - 128.0 * one) / (full ? most : 224.0 * one);
-    const double r = luma + 2.0 * (1.0 - kr) * red;
-    const double b = luma + 2.0 * (1.0 - kb) * blue;
-    return {r, (luma - kr * r - kb * b) / (1.0 - kr - kb), b};
-  }
-};
+using Formula = test::YuvFormula;
+using Sampling = test::ChromaSampling;
 
 /// Errors of a channel before it is rounded, in codes. Where the exact value lies in the very
 /// middle between two codes, either is right.
 constexpr double kExact = 1e-7;
 constexpr double kShort = 1.0 / 16.0;  ///< 8 bits with half the columns of chroma
-
-/// Returns true for the rounded value of a channel that has at most this error.
-bool is_rounded(double exact, uint8_t code, double error) {
-  const double scaled = 255.0 * exact + 0.5;
-  return code >= std::clamp(std::floor(scaled - error), 0.0, 255.0) &&
-         code <= std::clamp(std::floor(scaled + error), 0.0, 255.0);
-}
-
-/// A plane of one byte or two per sample.
-struct Plane {
-  const uint8_t* bytes;
-  int width;
-  int height;
-  bool wide;
-
-  [[nodiscard]] double at(int x, int y) const {
-    const auto i =
-        static_cast<size_t>(std::clamp(y, 0, height - 1) * width + std::clamp(x, 0, width - 1));
-    return wide ? bytes[2 * i] + 256.0 * bytes[2 * i + 1] : bytes[i];
-  }
-  /// Interpolates linearly between samples; the outermost ones are repeated.
-  [[nodiscard]] double between(double x, double y) const {
-    const int left = static_cast<int>(std::floor(x));
-    const int top = static_cast<int>(std::floor(y));
-    const double fx = x - left;
-    const double fy = y - top;
-    return (1 - fy) * ((1 - fx) * at(left, top) + fx * at(left + 1, top)) +
-           fy * ((1 - fx) * at(left, top + 1) + fx * at(left + 1, top + 1));
-  }
-};
-
-/// Chroma has a sample for every `nx` by `ny` luma samples, the first one at (site_x, site_y).
-struct Sampling {
-  int nx = 1;
-  int ny = 1;
-  double site_x = 0.0;
-  double site_y = 0.0;
-};
 
 struct Size {
   int width = kWidth;
@@ -89,24 +37,10 @@ double error_of(const Formula& formula, const Sampling& sampling) {
 
 void expect_formula(const std::vector<uint8_t>& raw, const std::vector<uint8_t>& rgb,
                     const Formula& formula, const Sampling& sampling = {}, const Size& size = {}) {
-  const bool wide = formula.depth > 8;
-  const int bytes = wide ? 2 : 1;
-  const int cw = (size.width + sampling.nx - 1) / sampling.nx;
-  const int ch = (size.height + sampling.ny - 1) / sampling.ny;
-  const Plane y{raw.data(), size.width, size.height, wide};
-  const Plane cb{raw.data() + bytes * size.width * size.height, cw, ch, wide};
-  const Plane cr{cb.bytes + bytes * cw * ch, cw, ch, wide};
-  ASSERT_EQ(rgb.size(), static_cast<size_t>(size.width * size.height * 3));
-  for (int j = 0; j < size.height; ++j)
-    for (int i = 0; i < size.width; ++i) {
-      const double x = (i - sampling.site_x) / sampling.nx;
-      const double z = (j - sampling.site_y) / sampling.ny;
-      const auto exact = formula.rgb(y.at(i, j), cb.between(x, z), cr.between(x, z));
-      for (size_t c = 0; c < 3; ++c)
-        EXPECT_TRUE(is_rounded(exact[c], rgb[static_cast<size_t>(j * size.width + i) * 3 + c],
-                               error_of(formula, sampling)))
-            << "(" << i << ", " << j << ") channel " << c;
-    }
+  EXPECT_EQ(test::find_wrong_channel(
+                {.planes = raw, .rgb = rgb, .width = size.width, .height = size.height}, formula,
+                sampling, error_of(formula, sampling)),
+            std::nullopt);
 }
 
 class VideoPixels : public test::VideoTest {
@@ -278,23 +212,22 @@ TEST(PixelConverter, SubsampledColoursAreCloseAndGreysExact) {
     layout.chroma_shift_x = layout.chroma_shift_y = 1;
     PixelConverter converter(layout, 256, 1);
     const Formula formula{layout.kr, layout.kb, full_range, 8};
-    std::vector<uint8_t> y(256), rgb(768);
-    for (size_t i = 0; i < 256; ++i) y[i] = static_cast<uint8_t>(i);
+    std::vector<uint8_t> planes(512), rgb(768);
+    std::iota(planes.begin(), planes.begin() + 256, uint8_t{0});
     for (int u = 0; u < 256; ++u)
       for (int v = 0; v < 256; ++v) {
-        const std::vector<uint8_t> cb(128, static_cast<uint8_t>(u));
-        const std::vector<uint8_t> cr(128, static_cast<uint8_t>(v));
-        converter.convert({.data = {y.data(), cb.data(), cr.data(), nullptr},
-                           .stride = {256, 128, 128, 0},
-                           .width = 256,
-                           .height = 1},
-                          rgb);
-        const double error = u == 128 && v == 128 ? kExact : kShort;
-        for (size_t i = 0; i < 256; ++i) {
-          const auto exact = formula.rgb(static_cast<double>(i), u, v);
-          for (size_t c = 0; c < 3; ++c)
-            ASSERT_TRUE(is_rounded(exact[c], rgb[3 * i + c], error)) << i << " " << u << " " << v;
-        }
+        std::memset(planes.data() + 256, u, 128);
+        std::memset(planes.data() + 384, v, 128);
+        converter.convert(
+            {.data = {planes.data(), planes.data() + 256, planes.data() + 384, nullptr},
+             .stride = {256, 128, 128, 0},
+             .width = 256,
+             .height = 1},
+            rgb);
+        const auto wrong = test::find_wrong_channel(
+            {.planes = planes, .rgb = rgb, .width = 256, .height = 1}, formula, {.nx = 2, .ny = 2},
+            u == 128 && v == 128 ? kExact : kShort);
+        ASSERT_EQ(wrong, std::nullopt) << u << " " << v;
       }
   }
 }
