@@ -39,11 +39,14 @@ constexpr size_t kParts = 32;
   return out;
 }
 
+[[nodiscard]] inline std::string hash_of_text(const std::string& bytes) {
+  return hash_of_rendered(std::span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()));
+}
+
 [[nodiscard]] inline std::string hash_of_file(const std::string& file) {
   std::ifstream in(file, std::ios::binary);
   EXPECT_TRUE(in.good()) << file;
-  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
-  return hash_of_rendered(std::span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()));
+  return hash_of_text(std::string{std::istreambuf_iterator<char>(in), {}});
 }
 
 /// Returns the processor's manufacturer, such as "GenuineIntel".
