@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -85,11 +86,20 @@ std::string without_spaces(const std::string& text) {
   return result;
 }
 
-class TestCardSize : public testing::TestWithParam<FrameGeometry> {};
+class TestCardSize : public testing::TestWithParam<FrameGeometry> {
+ protected:
+  /// Returns the card of this size, which is drawn once for all tests.
+  static const WovenFrame& card() {
+    static std::map<int, WovenFrame> cards;
+    const int width = GetParam().width;  // no two sizes share it
+    if (!cards.contains(width)) cards.emplace(width, draw_test_card(GetParam(), wrong_panel()));
+    return cards.at(width);
+  }
+};
 
 TEST_P(TestCardSize, EveryWordIsLegible) {
   const CardText text = wrong_panel();
-  const WovenFrame frame = draw_test_card(GetParam(), text);
+  const WovenFrame& frame = card();
   const CardLayout layout = lay_out_card(GetParam(), text);
   const std::string read = without_spaces(read_card(frame, layout));
   EXPECT_THAT(read, HasSubstr(without_spaces(text.headline)));
@@ -103,7 +113,7 @@ TEST_P(TestCardSize, EveryWordIsLegible) {
 }
 
 TEST_P(TestCardSize, TheOutermostPixelsAreAWhiteLine) {
-  const WovenFrame frame = draw_test_card(GetParam(), wrong_panel());
+  const WovenFrame& frame = card();
   const int w = frame.width();
   const int h = frame.height();
   for (int x = 0; x < w; ++x) {
@@ -119,7 +129,7 @@ TEST_P(TestCardSize, TheOutermostPixelsAreAWhiteLine) {
 }
 
 TEST_P(TestCardSize, CornersRevealRotatedAndMirroredPictures) {
-  const WovenFrame frame = draw_test_card(GetParam(), wrong_panel());
+  const WovenFrame& frame = card();
   EXPECT_EQ(pixel(frame, 4, 4), 0xff0000U);
   EXPECT_EQ(pixel(frame, frame.width() - 5, 4), 0x00ff00U);
   EXPECT_EQ(pixel(frame, 4, frame.height() - 5), 0x0000ffU);
@@ -127,7 +137,7 @@ TEST_P(TestCardSize, CornersRevealRotatedAndMirroredPictures) {
 }
 
 TEST_P(TestCardSize, ScalingWouldBlurOnePixelLines) {
-  const WovenFrame frame = draw_test_card(GetParam(), wrong_panel());
+  const WovenFrame& frame = card();
   const auto patches = lay_out_card(GetParam(), wrong_panel()).patches;
   ASSERT_TRUE(patches);
   const CardBox& box = patches->lines;
@@ -147,7 +157,7 @@ TEST_P(TestCardSize, ScalingWouldBlurOnePixelLines) {
 }
 
 TEST_P(TestCardSize, SubsampledChromaWouldEqualizeBothHalves) {
-  const WovenFrame frame = draw_test_card(GetParam(), wrong_panel());
+  const WovenFrame& frame = card();
   const auto patches = lay_out_card(GetParam(), wrong_panel()).patches;
   ASSERT_TRUE(patches);
   const CardBox& box = patches->chroma;
@@ -158,7 +168,7 @@ TEST_P(TestCardSize, SubsampledChromaWouldEqualizeBothHalves) {
 }
 
 TEST_P(TestCardSize, ALimitedRangeWouldMergeDarkAndLightSteps) {
-  const WovenFrame frame = draw_test_card(GetParam(), wrong_panel());
+  const WovenFrame& frame = card();
   const auto patches = lay_out_card(GetParam(), wrong_panel()).patches;
   ASSERT_TRUE(patches);
   const int each = patches->dark.width / kCardSteps;
