@@ -4,7 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cctype>
+#include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <iterator>
 #include <optional>
@@ -61,45 +64,68 @@ struct Evaluation {
   std::optional<PixelSize> base_native, displayid_native, displayid_preferred;
 };
 
-std::optional<uint32_t> number_after(const std::vector<std::string>& lines, const char* pattern) {
-  const auto match = find_line(lines, pattern);
-  if (!match) return std::nullopt;
-  return static_cast<uint32_t>(std::stoul((*match)[1].str()));
+/// Returns the rest of the first line that begins with the text.
+std::optional<std::string> rest_after(const std::vector<std::string>& lines, const char* text) {
+  for (const std::string& line : lines)
+    if (line.starts_with(text)) return line.substr(std::strlen(text));
+  return std::nullopt;
 }
 
-/// Returns the first progressive size of the indented lines after the headline.
-std::optional<PixelSize> size_below(const std::vector<std::string>& lines, const char* headline) {
-  const std::regex size("^  .*?(\\d+)x(\\d+)(i?)\\s");
-  auto at = std::find_if(lines.begin(), lines.end(), [&](const std::string& line) {
-    return std::regex_search(line, std::regex(headline));
+/// Returns the number that follows the text, in the first such line.
+std::optional<uint32_t> number_after(const std::vector<std::string>& lines, const char* text) {
+  for (const std::string& line : lines)
+    if (line.starts_with(text) && std::isdigit(static_cast<uint8_t>(line[std::strlen(text)])) != 0)
+      return static_cast<uint32_t>(std::stoul(line.substr(std::strlen(text))));
+  return std::nullopt;
+}
+
+/// Returns true if a line has both texts, in this order.
+bool has_line(const std::vector<std::string>& lines, const char* text, const char* later) {
+  return std::ranges::any_of(lines, [&](const std::string& line) {
+    const size_t at = line.find(text);
+    return at != std::string::npos && line.find(later, at + std::strlen(text)) != std::string::npos;
+  });
+}
+
+/// Returns the first progressive size of the indented lines after the headline "Preferred Video
+/// Timing if ...", of one timing or several.
+std::optional<PixelSize> size_below(const std::vector<std::string>& lines, const char* parsed) {
+  static const std::regex kSize("^  .*?(\\d+)x(\\d+)(i?)\\s");
+  const std::string headline = "Preferred Video Timing";
+  auto at = std::ranges::find_if(lines, [&](const std::string& line) {
+    return line.starts_with(headline + parsed) || line.starts_with(headline + "s" + parsed);
   });
   if (at == lines.end()) return std::nullopt;
   std::smatch match;
   for (++at; at != lines.end() && at->starts_with("  "); ++at)
-    if (std::regex_search(*at, match, size) && match[3].str().empty())
+    if (std::regex_search(*at, match, kSize) && match[3].str().empty())
       return PixelSize{std::stoi(match[1].str()), std::stoi(match[2].str())};
   return std::nullopt;
 }
 
 std::vector<uint8_t> vics_of_420_blocks(const std::vector<std::string>& lines) {
   std::vector<uint8_t> vics;
-  const std::regex vic("^    VIC +(\\d+):");
+  static const std::regex kVic("^    VIC +(\\d+):");
   std::smatch match;
   bool inside = false;
   for (const std::string& line : lines) {
     if (!line.starts_with("    ")) inside = line == "  YCbCr 4:2:0 Video Data Block:";
-    if (inside && std::regex_search(line, match, vic))
+    if (inside && std::regex_search(line, match, kVic))
       vics.push_back(static_cast<uint8_t>(std::stoi(match[1].str())));
   }
   return vics;
 }
 
 std::optional<PixelSize> native_of_displayid(const std::vector<std::string>& lines) {
-  const std::regex native("Display native pixel format: (\\d+)x(\\d+)");
-  std::smatch match;
-  for (const std::string& line : lines)
-    if (std::regex_search(line, match, native) && match[1].str() != "0" && match[2].str() != "0")
-      return PixelSize{std::stoi(match[1].str()), std::stoi(match[2].str())};
+  const std::string label = "Display native pixel format: ";
+  for (const std::string& line : lines) {
+    const size_t at = line.find(label);
+    PixelSize size;
+    if (at != std::string::npos &&
+        std::sscanf(line.c_str() + at + label.size(), "%dx%d", &size.width, &size.height) == 2 &&
+        size.width != 0 && size.height != 0)
+      return size;
+  }
   return std::nullopt;
 }
 
@@ -108,23 +134,21 @@ Evaluation evaluate(const fs::path& file) {
                                         {.timeout = std::chrono::seconds(60)});
   const std::vector<std::string> lines = lines_of(result.out);
   Evaluation said;
-  if (const auto maker = find_line(lines, "^    Manufacturer: (...)$"))
-    said.manufacturer = (*maker)[1].str();
-  said.product = number_after(lines, "^    Model: (\\d+)").value_or(0);
-  said.serial_number = number_after(lines, "^    Serial Number: (\\d+)").value_or(0);
-  if (const auto bits = number_after(lines, "^    Bits per primary color channel: (\\d+)"))
+  if (const auto maker = rest_after(lines, "    Manufacturer: ")) said.manufacturer = *maker;
+  said.product = number_after(lines, "    Model: ").value_or(0);
+  said.serial_number = number_after(lines, "    Serial Number: ").value_or(0);
+  if (const auto bits = number_after(lines, "    Bits per primary color channel: "))
     said.bits_per_colour = static_cast<int>(*bits);
-  said.deep_colour = find_line(lines, "^    DC_30bit").has_value();
+  said.deep_colour = rest_after(lines, "    DC_30bit").has_value();
   said.offers_ycbcr =
-      find_line(lines,
-                "Supported color formats: .*YCrCb|^  Supports YCbCr 4:[24]|^  YCbCr 4:2:0 "
-                "|Supported bpc for YCbCr 4|\\(aspect .*YCbCr 4:2:0")
-          .has_value();
+      has_line(lines, "Supported color formats: ", "YCrCb") ||
+      rest_after(lines, "  Supports YCbCr 4:2") || rest_after(lines, "  Supports YCbCr 4:4") ||
+      rest_after(lines, "  YCbCr 4:2:0 ") || has_line(lines, "Supported bpc for YCbCr 4", "") ||
+      has_line(lines, "(aspect ", "YCbCr 4:2:0");
   said.only_as_420 = vics_of_420_blocks(lines);
-  said.base_native = size_below(lines, "^Preferred Video Timings? if only Block 0 is parsed");
+  said.base_native = size_below(lines, " if only Block 0 is parsed");
   said.displayid_native = native_of_displayid(lines);
-  said.displayid_preferred =
-      size_below(lines, "^Preferred Video Timings? if Block 0 and DisplayID Blocks are parsed");
+  said.displayid_preferred = size_below(lines, " if Block 0 and DisplayID Blocks are parsed");
   return said;
 }
 
