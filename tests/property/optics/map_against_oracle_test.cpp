@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests the fast map against the slow reference: a million random subpixels of a thousand random
-// rigs.
+// Tests the fast map against the slow reference: random subpixels of a thousand random rigs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -70,8 +69,8 @@ void check(const OpticalModel& model, const RowRays& rays, size_t s, int i, int 
   errors.raise(errors.round_trip, oracle_phase(rig, at_px, channel, eye) - rays.lens[s]);
 }
 
-TEST(FastMap, IsWithinANanolensOfTheReferenceForAMillionRandomSubpixels) {
-  constexpr int kRigs = 1000, kPixelsPerRig = 334;
+TEST(FastMap, IsWithinANanolensOfTheReferenceForRandomSubpixelsOfAThousandRigs) {
+  constexpr int kRigs = 1000, kPixelsPerRig = 34;
   std::mt19937_64 random(20240531);
   Errors errors;
   RowRays rays;
@@ -91,7 +90,7 @@ TEST(FastMap, IsWithinANanolensOfTheReferenceForAMillionRandomSubpixels) {
       ASSERT_LT(errors.round_trip, 1e-9) << "rig " << r << " subpixel " << i << ", " << j;
     }
   }
-  EXPECT_GE(errors.subpixels, 1'000'000);
+  EXPECT_GE(errors.subpixels, 100'000);
   EXPECT_LT(errors.on_border, errors.subpixels / 1000);
   EXPECT_LT(errors.eye_height, 1e-12);
   std::printf("%ld subpixels: place within %.2g lens, subpixel -> ray -> eye -> lens within %.2g\n",
