@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace lenticule::test {
 namespace {
@@ -26,11 +27,11 @@ FoundPoint oracle_on_chords(const optics::OpticalModel& model, int row, int chan
   FoundPoint best;
   best.z_mm = -std::numeric_limits<double>::infinity();
   double second = best.z_mm;
+  optics::SubpixelRay ray_b = model.ray(0, row, channel);
   for (int i = 0; i + 1 < static_cast<int>(points.size()); ++i) {
     const SeenPoint& a = points[static_cast<size_t>(i)];
     const SeenPoint& b = points[static_cast<size_t>(i + 1)];
-    const optics::SubpixelRay ray_a = model.ray(i, row, channel);
-    const optics::SubpixelRay ray_b = model.ray(i + 1, row, channel);
+    const optics::SubpixelRay ray_a = std::exchange(ray_b, model.ray(i + 1, row, channel));
     if (!a.there || !b.there || ray_a.lens != lens || ray_b.lens != lens) continue;
     const InPlane pa = point_of(ray_a, a);
     const InPlane pb = point_of(ray_b, b);

@@ -2,6 +2,7 @@
 #include "tests/support/oracles/weave_oracle.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace lenticule::test {
@@ -69,9 +70,16 @@ Point lens_point(const optics::Rig& rig, Point q, Real lens, int channel) {
   return {p.x, (q.y * z + g * Real(rig.viewing.height.value)) / (z + g)};
 }
 
-Real light_of(int code) {
-  const Real v = Real(code) / 255;
-  return v <= 0.04045L ? v / 12.92L : std::pow((v + 0.055L) / 1.055L, 2.4L);
+Real light_of(uint8_t code) {
+  static const std::array<Real, 256> kLight = [] {
+    std::array<Real, 256> light{};
+    for (size_t n = 0; n < light.size(); ++n) {
+      const Real v = Real(n) / 255;
+      light[n] = v <= 0.04045L ? v / 12.92L : std::pow((v + 0.055L) / 1.055L, 2.4L);
+    }
+    return light;
+  }();
+  return kLight[code];
 }
 Real code_of(Real light) {
   const Real v = light <= 0.0031308L ? light * 12.92L : 1.055L * std::pow(light, 1 / 2.4L) - 0.055L;
@@ -173,9 +181,10 @@ std::set<int> WeaveOracle::subpixel(int i, int j, int channel) const {
   constexpr Real kNudge = 1e-8L;
   const Real slack = options.filter == ViewFilter::Gauss ? 0.1L : 1e-4L;
   const Point q = subpixel_mm(rig, i, j, channel);
+  const Real seen = phase(i, j, channel);
   std::set<int> codes;
   for (const Real nudge : {-kNudge, kNudge}) {
-    const Real code = code_of(light_at_phase(*this, q, channel, phase(i, j, channel) + nudge));
+    const Real code = code_of(light_at_phase(*this, q, channel, seen + nudge));
     codes.insert(int(std::lround(clamp_to(code - slack, 0, 255))));
     codes.insert(int(std::lround(clamp_to(code + slack, 0, 255))));
   }
