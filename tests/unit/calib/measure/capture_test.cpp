@@ -130,7 +130,7 @@ TEST(Knock, OfALiveCameraIsNamedAndNotTakenForALongExposure) {
 /// The display shows nothing and records the requested patterns.
 TEST(PhotoPatterns, AreThePatternsOfANonAdaptiveMeasurement) {
   lab::Trial trial = lab::plain_trial(960, 540, 480, 270);
-  trial.camera.samples = 4;
+  trial.camera.samples = 2;
   trial.start.sheet.pitch = Subpixels(trial.sheet.pitch_subpx * 1.004);
   trial.start.sheet.slant = trial.sheet.slant;
   lab::SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, 1);

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numeric>
 
 #include "base/error.h"
@@ -26,10 +27,14 @@ const std::vector<CameraPicture>& pictures_of(const std::vector<Pattern>& patter
     frames::WovenFrame frame;
     for (const Pattern& pattern : patterns) {
       draw_pattern(pattern, panel, frame);
-      out.push_back(
-          {.width = panel.width_px, .height = panel.height_px, .channels = 3, .light = {}});
-      for (const uint8_t code : frame.bytes())
-        out.back().light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
+      std::vector<float> light(frame.bytes().size());
+      std::ranges::transform(frame.bytes(), light.begin(), [](uint8_t code) {
+        return static_cast<float>(frames::linear_of_codes()[code]);
+      });
+      out.push_back({.width = panel.width_px,
+                     .height = panel.height_px,
+                     .channels = 3,
+                     .light = std::move(light)});
     }
     return out;
   }();
@@ -84,15 +89,17 @@ class PhotoOrder : public testing::Test {
     capture.capture(all.subspan(4), [](const Pattern&, const CameraPicture&) {});
     return capture.doubles();
   }
-  [[nodiscard]] Error failure() const {
-    return test::error_of([&] { (void)doubles(); });
+  void expect_failure(ErrorKind kind, const char* what) const {
+    const Error error = test::error_of([&] { (void)doubles(); });
+    EXPECT_EQ(error.kind(), kind);
+    EXPECT_THAT(error.what(), HasSubstr(what));
   }
   void leave_out(size_t first, size_t count) {
     const auto at = order_.begin() + static_cast<ptrdiff_t>(first);
     order_.erase(at, at + static_cast<ptrdiff_t>(count));
   }
 
-  optics::Rig rig_ = lab::plain_trial(480, 270, 480, 270).start;
+  optics::Rig rig_ = lab::plain_trial(320, 180, 320, 180).start;
   std::vector<Pattern> patterns_ = photo_patterns(rig_);
   std::vector<size_t> order_ = std::vector<size_t>(patterns_.size());
 };
@@ -106,26 +113,22 @@ TEST_F(PhotoOrder, UsesDoublesOnceAndNamesThem) {
 
 TEST_F(PhotoOrder, NamesAMissingPhotograph) {
   leave_out(16, 1);
-  EXPECT_EQ(failure().kind(), ErrorKind::Input);
-  EXPECT_THAT(failure().what(), HasSubstr("centre: the photograph of pattern 17 of 75 is missing"));
+  expect_failure(ErrorKind::Input, "centre: the photograph of pattern 17 of 75 is missing");
 }
 
 TEST_F(PhotoOrder, NamesTwoMissingPhotographs) {
   leave_out(16, 2);
-  EXPECT_THAT(failure().what(),
-              HasSubstr("the photographs of patterns 17 to 18 of 75 are missing"));
+  expect_failure(ErrorKind::Input, "the photographs of patterns 17 to 18 of 75 are missing");
 }
 
 TEST_F(PhotoOrder, NamesAMissingLastPhotograph) {
   leave_out(74, 1);
-  EXPECT_EQ(failure().kind(), ErrorKind::Input);
-  EXPECT_THAT(failure().what(), HasSubstr("pattern 75 of 75 is missing"));
+  expect_failure(ErrorKind::Input, "pattern 75 of 75 is missing");
 }
 
 TEST_F(PhotoOrder, RefusesPhotographsInAnotherOrder) {
   std::swap(order_[16], order_[41]);
-  EXPECT_EQ(failure().kind(), ErrorKind::Quality);
-  EXPECT_THAT(failure().what(), HasSubstr("photograph 17 shows the marks of another pattern"));
+  expect_failure(ErrorKind::Quality, "photograph 17 shows the marks of another pattern");
 }
 
 }  // namespace
