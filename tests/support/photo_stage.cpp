@@ -44,17 +44,28 @@ class LitPanel {
   double sigma_subpx_;
 };
 
-/// Returns the direction of a picture point in the panel's frame.
-Vec3 direction_of(const PhotoStage& stage, double column, double row) {
-  const double u = (column - 0.5 * stage.width) / stage.focal_px;
-  const double v = -(row - 0.5 * stage.height) / stage.focal_px;
-  const double stretch = 1.0 + stage.distortion * (u * u + v * v);
-  const double roll = stage.roll_degrees * std::numbers::pi / 180.0;
-  const double yaw = stage.yaw_degrees * std::numbers::pi / 180.0;
-  const double x = stretch * (u * std::cos(roll) - v * std::sin(roll));
-  const double y = stretch * (u * std::sin(roll) + v * std::cos(roll));
-  return {x * std::cos(yaw) - std::sin(yaw), y, -x * std::sin(yaw) - std::cos(yaw)};
-}
+/// Directions gives the direction of a picture point in the panel's frame.
+class Directions {
+ public:
+  explicit Directions(const PhotoStage& stage) : stage_(stage) {}
+
+  [[nodiscard]] Vec3 of(double column, double row) const {
+    const double u = (column - 0.5 * stage_.width) / stage_.focal_px;
+    const double v = -(row - 0.5 * stage_.height) / stage_.focal_px;
+    const double stretch = 1.0 + stage_.distortion * (u * u + v * v);
+    const double x = stretch * (u * cos_roll_ - v * sin_roll_);
+    const double y = stretch * (u * sin_roll_ + v * cos_roll_);
+    return {x * cos_yaw_ - sin_yaw_, y, -x * sin_yaw_ - cos_yaw_};
+  }
+
+ private:
+  static constexpr double kDegree = std::numbers::pi / 180.0;
+  const PhotoStage& stage_;
+  const double cos_roll_ = std::cos(stage_.roll_degrees * kDegree);
+  const double sin_roll_ = std::sin(stage_.roll_degrees * kDegree);
+  const double cos_yaw_ = std::cos(stage_.yaw_degrees * kDegree);
+  const double sin_yaw_ = std::sin(stage_.yaw_degrees * kDegree);
+};
 
 /// Returns the light of a ray: finds the lens that the ray meets, then the place that the eye sees
 /// under that lens.
@@ -73,14 +84,13 @@ double light_along(const PhotoStage& stage, const optics::OpticalModel& model,
   return panel_light.light({panel.x_px(seen.x), panel.y_px(seen.y)});
 }
 
-float pixel_light(const PhotoStage& stage, const optics::OpticalModel& model,
-                  const LitPanel& panel_light, int i, int j) {
+float pixel_light(const PhotoStage& stage, const Directions& directions,
+                  const optics::OpticalModel& model, const LitPanel& panel_light, int i, int j) {
   double sum = 0.0;
   const int side = stage.rays_per_side;
   for (int k = 0; k < side * side; ++k)
-    sum +=
-        light_along(stage, model, panel_light,
-                    direction_of(stage, i + (k % side + 0.5) / side, j + (k / side + 0.5) / side));
+    sum += light_along(stage, model, panel_light,
+                       directions.of(i + (k % side + 0.5) / side, j + (k / side + 0.5) / side));
   return static_cast<float>(stage.ambient + stage.gain * sum / (side * side));
 }
 
@@ -137,16 +147,38 @@ optics::Rig desk_rig() {
 calib::CameraPicture photograph(const PhotoStage& stage, const frames::WovenFrame& shown) {
   const optics::OpticalModel model(stage.rig);
   const LitPanel panel_light(stage.rig, shown);
+  const Directions directions(stage);
   calib::CameraPicture picture;
   picture.width = stage.width;
   picture.height = stage.height;
   picture.channels = 1;
   for (int j = 0; j < stage.height; ++j)
     for (int i = 0; i < stage.width; ++i)
-      picture.light.push_back(pixel_light(stage, model, panel_light, i, j));
+      picture.light.push_back(pixel_light(stage, directions, model, panel_light, i, j));
   if (stage.blur_px > 0) blur(picture, stage.blur_px);
   expose(stage, picture);
   return picture;
+}
+
+frames::WovenFrame scaled(const frames::WovenFrame& frame, double part) {
+  frames::WovenFrame out(frame.geometry());
+  const double left = 0.5 * (1.0 - part) * frame.width(), top = 0.5 * (1.0 - part) * frame.height();
+  for (int j = 0; j < frame.height(); ++j)
+    for (int i = 0; i < frame.width(); ++i) {
+      const double x = (i + 0.5 - left) / part - 0.5, y = (j + 0.5 - top) / part - 0.5;
+      if (x < 0.0 || y < 0.0 || x >= frame.width() - 1 || y >= frame.height() - 1) continue;
+      const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+      for (int c = 0; c < 3; ++c) {
+        const auto at = [&](int column, int row) {
+          return double{static_cast<double>(frame.row(row)[3 * column + c])};
+        };
+        const double upper = at(x0, y0) + (x - x0) * (at(x0 + 1, y0) - at(x0, y0));
+        const double lower = at(x0, y0 + 1) + (x - x0) * (at(x0 + 1, y0 + 1) - at(x0, y0 + 1));
+        out.row(j)[3 * i + c] =
+            static_cast<uint8_t>(std::lround(upper + (y - y0) * (lower - upper)));
+      }
+    }
+  return out;
 }
 
 }  // namespace lenticule::test

@@ -37,4 +37,8 @@ struct PhotoStage {
 [[nodiscard]] calib::CameraPicture photograph(const PhotoStage& stage,
                                               const frames::WovenFrame& shown);
 
+/// Scales a frame smoothly to a part of the panel, as a viewer that fits pictures into its window
+/// does.
+[[nodiscard]] frames::WovenFrame scaled(const frames::WovenFrame& frame, double part);
+
 }  // namespace lenticule::test

@@ -221,7 +221,7 @@ Calibration from_start(double pitch_factor, double slant_error, uint32_t seed) {
 // Covers the whole allowed range of starts, including those without visible fringes.
 TEST(SinglePhoto, AFarStartIsCorrectedOrRefused) {
   uint32_t seed = 1;
-  for (const double factor : {0.92, 0.95, 0.96, 0.97, 1.03, 1.04, 1.05, 1.08}) {
+  for (const double factor : {0.92, 0.96, 1.03, 1.08}) {
     const Calibration found = from_start(factor, 0.02, ++seed);
     ASSERT_EQ(found.verdict, Verdict::Effective) << factor << ' ' << found.reasons.at(0);
     EXPECT_LT(worst_phase(found, stage()), 0.03) << factor;
@@ -230,35 +230,12 @@ TEST(SinglePhoto, AFarStartIsCorrectedOrRefused) {
   EXPECT_EQ(too_far.verdict, Verdict::Refused);
 }
 
-/// Scales a frame smoothly to a part of the panel, as a viewer that fits pictures into its window
-/// does.
-frames::WovenFrame scaled(const frames::WovenFrame& frame, double part) {
-  frames::WovenFrame out(frame.geometry());
-  const double left = 0.5 * (1.0 - part) * frame.width(), top = 0.5 * (1.0 - part) * frame.height();
-  for (int j = 0; j < frame.height(); ++j)
-    for (int i = 0; i < frame.width(); ++i) {
-      const double x = (i + 0.5 - left) / part - 0.5, y = (j + 0.5 - top) / part - 0.5;
-      if (x < 0.0 || y < 0.0 || x >= frame.width() - 1 || y >= frame.height() - 1) continue;
-      const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-      for (int c = 0; c < 3; ++c) {
-        const auto at = [&](int column, int row) {
-          return double{static_cast<double>(frame.row(row)[3 * column + c])};
-        };
-        const double upper = at(x0, y0) + (x - x0) * (at(x0 + 1, y0) - at(x0, y0));
-        const double lower = at(x0, y0 + 1) + (x - x0) * (at(x0 + 1, y0 + 1) - at(x0, y0 + 1));
-        out.row(j)[3 * i + c] =
-            static_cast<uint8_t>(std::lround(upper + (y - y0) * (lower - upper)));
-      }
-    }
-  return out;
-}
-
 TEST(SinglePhoto, RefusesAScaledChart) {
   PhotoStage s = stage();
   s.rays_per_side = 2;
   for (const double part : {0.95, 0.99}) {
     const Calibration found =
-        fit_single_photo(photograph(s, scaled(shown().frame, part)), shown().chart, tape(s));
+        fit_single_photo(photograph(s, test::scaled(shown().frame, part)), shown().chart, tape(s));
     EXPECT_EQ(found.verdict, Verdict::Refused) << part;
     EXPECT_THAT(found.reasons, ElementsAre(HasSubstr("scaled"))) << part;
   }
