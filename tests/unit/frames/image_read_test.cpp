@@ -661,12 +661,14 @@ class LargePicture final : public PictureFileReader {
   [[nodiscard]] PictureInfo probe(const std::filesystem::path&) const override { return {}; }
   void read(const EncodedPicture&, PictureSink& sink, PictureValues) const override {
     sink.accept({.geometry = kSize, .pixel_bytes = 4});
-    constexpr size_t kRow = size_t{kSize.width} * 4;
+    std::vector<uint8_t> row(size_t{kSize.width} * 4);
+    for (size_t n = 0; n < row.size(); ++n) row[n] = n / 4 % 2 == 1 ? 255 : 0;
     for (int y = 0; y < kSize.height;) {
       const std::span<uint8_t> rows = sink.rows(y, kSize.height - y);
-      for (size_t at = 0; at < rows.size(); at += kRow, ++y)
-        for (size_t n = 0; n < kRow; ++n)
-          rows[at + n] = n / 4 % 2 == 1 || y + 1 == kSize.height ? 255 : 0;
+      for (size_t at = 0; at < rows.size(); at += row.size(), ++y) {
+        if (y + 1 == kSize.height) row.assign(row.size(), 255);
+        std::memcpy(rows.data() + at, row.data(), row.size());
+      }
     }
   }
 };
