@@ -18,7 +18,9 @@ TEST_P(EveryScene, IsReadBackWithoutAWarning) {
   const BuiltInScene& scene = scene_list()[static_cast<size_t>(GetParam())];
   // The teapot's lip of size 1 is so coarse that four of its triangles have no area.
   for (const int size : {2, 3, 5}) {
-    for (const int frame : {0, scene.frames / 3, scene.frames - 1}) {
+    // The detail of a size is the same in every frame.
+    for (const int frame : size == 2 ? std::vector{0, scene.frames / 3, scene.frames - 1}
+                                     : std::vector{scene.frames / 3}) {
       const auto read = render::parse_nff(write_scene(scene, size, frame), scene.name);
       EXPECT_THAT(read.notes, ::testing::IsEmpty()) << scene.name << " size " << size;
       EXPECT_EQ(read.cameras.size(), 1U);
