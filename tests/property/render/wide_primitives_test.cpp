@@ -187,7 +187,7 @@ int expect_as_the_oracle_says(const SceneDescription& scene, const std::string& 
 TEST(WidePrimitives, LargeShapesAgreeWithTheReference) {
   for (const Materials& kind : kKinds) {
     const SceneDescription on_it = objects(kind);
-    for (const double size : {1e2, 1e4, 1e6}) {
+    for (const double size : {1e2, 1e6}) {
       const std::string of_size = " of " + std::to_string(size);
       expect_as_the_oracle_says(on_square(on_it, size), "square" + of_size);
       SceneDescription planet = on_it;

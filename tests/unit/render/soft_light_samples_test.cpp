@@ -86,7 +86,7 @@ TEST_P(SoftLightConverges, WithUncorrelatedErrors) {
   const auto codes = [&](int samples) {
     return picture(wall_and_ball(), rig, stage_, with(GetParam().options(samples))).frame;
   };
-  const frames::WovenFrame few = codes(4), many = codes(1024);
+  const frames::WovenFrame few = codes(4), many = codes(256);
   const auto error = [&](int row, int subpixel) {
     return static_cast<double>(int{few.row(row)[subpixel]} - int{many.row(row)[subpixel]});
   };

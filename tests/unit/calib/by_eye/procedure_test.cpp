@@ -273,7 +273,7 @@ TEST(Procedure, EveryStepsInstructionsUseThePanelsFont) {
 TEST(Procedure, KeepsAValidRigForAnyKeys) {
   std::mt19937 random(11);
   const Procedure answered = at(Step::Offset);
-  for (int run = 0; run < 40; ++run) {
+  for (int run = 0; run < 12; ++run) {
     Procedure procedure = answered;
     for (int n = 0; n < 400 && procedure.status() == Procedure::Status::Running; ++n) {
       auto key = static_cast<Key>(random() % (static_cast<unsigned>(Key::Quit) + 1));

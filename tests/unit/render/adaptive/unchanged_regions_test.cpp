@@ -169,7 +169,7 @@ uint64_t expect_no_byte_changes(const Scenario& scenario, const SoftLight& soft)
 TEST(UnchangedRegions, DoNotChangeTheBytesOfMethodAdaptive) {
   uint64_t retraced = 0;
   for (const Scenario& scenario :
-       {Scenario{0.0, 0.0F, 5, 2.0, 12, 5}, Scenario{0.3, 0.0F, 16, 2.0, 12, 6},
+       {Scenario{0.0, 0.0F, 5, 2.0, 8, 5}, Scenario{0.3, 0.0F, 16, 2.0, 8, 6},
         Scenario{0.2, 1.0F, 9, 2.0, 20, 7}, Scenario{0.0, 0.03F, 9, 2.0, 20, 8}})
     retraced += expect_no_byte_changes(scenario, {});
   EXPECT_GT(retraced, 0U);
