@@ -38,13 +38,11 @@ CameraPicture photographed(lab::SimulatedBench& bench, const frames::WovenFrame&
 /// Encodes a picture as a camera stores it.
 frames::WovenFrame coded(const CameraPicture& picture) {
   frames::WovenFrame frame({.width = picture.width, .height = picture.height});
-  for (int y = 0; y < picture.height; ++y)
-    for (int k = 0; k < 3 * picture.width; ++k) {
-      const size_t pixel = static_cast<size_t>(y * picture.width + k / 3);
-      const size_t channel = picture.channels == 3 ? static_cast<size_t>(k % 3) : 0;
-      const size_t at = pixel * static_cast<size_t>(picture.channels) + channel;
-      frame.row(y)[k] = frames::code_from_linear(double{picture.light[at]});
-    }
+  const auto step = static_cast<size_t>(picture.channels);
+  uint8_t* to = frame.bytes().data();
+  for (size_t pixel = 0; pixel < picture.light.size(); pixel += step, to += 3)
+    for (size_t c = 0; c < 3; ++c)  // grey is encoded once
+      to[c] = c < step ? frames::code_from_linear(double{picture.light[pixel + c]}) : to[0];
   return frame;
 }
 
