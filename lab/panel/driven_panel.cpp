@@ -84,12 +84,25 @@ SubpixelFinder::SubpixelFinder(const optics::Panel& panel, double black_matrix)
       along_rows_(named(panel, "vrgb", "vbgr")),
       reversed_(named(panel, "bgr", "vbgr")) {
   half_open_ = std::sqrt(1.0 - black_matrix) / 2.0;
-}
-
-SubpixelId SubpixelFinder::id(int i, int j, int channel) const {
-  const auto width = static_cast<SubpixelId>(panel_.width_px);
-  return (static_cast<SubpixelId>(j) * width + static_cast<SubpixelId>(i)) * 4 +
-         static_cast<SubpixelId>(channel);
+  if (stripes_) return;
+  // Offsets of cells reach two pixels to either side: of all subpixels around a pixel, those whose
+  // lit part reaches into it are kept.
+  constexpr int kReach = 3;
+  const int columns = panel.layout.columns(), rows = panel.layout.rows();
+  for (int row = 0; row < rows; ++row)
+    for (int column = 0; column < columns; ++column) {
+      std::vector<Candidate>& near = candidates_.emplace_back();
+      for (int j = -kReach; j <= kReach; ++j)
+        for (int i = -kReach; i <= kReach; ++i)
+          for (int channel = 0; channel < 3; ++channel) {
+            // Whole periods of the layout away, indices are not negative.
+            const Vec2 off = panel.subpixel_centre_px(column + i + kReach * columns,
+                                                      row + j + kReach * rows, channel) -
+                             Vec2{column + kReach * columns + 0.5, row + kReach * rows + 0.5};
+            if (std::abs(off.x) <= 0.5 + half_open_ / 3.0 && std::abs(off.y) <= 0.5 + half_open_)
+              near.push_back({i, j, channel});
+          }
+    }
 }
 
 bool SubpixelFinder::is_lit_cell(double x_px, double y_px, int i, int j, int channel) const {
@@ -97,37 +110,17 @@ bool SubpixelFinder::is_lit_cell(double x_px, double y_px, int i, int j, int cha
   return std::abs(x_px - centre.x) <= half_open_ / 3.0 && std::abs(y_px - centre.y) <= half_open_;
 }
 
-std::optional<SubpixelId> SubpixelFinder::find(double x_px, double y_px) const {
-  if (!stripes_) return find_among_cells(x_px, y_px);
-  if (!(x_px >= 0 && y_px >= 0 && x_px < panel_.width_px && y_px < panel_.height_px)) {
-    return std::nullopt;
-  }
-  const int i = static_cast<int>(x_px);
-  const int j = static_cast<int>(y_px);
-  const double across = 3.0 * (along_rows_ ? y_px - j : x_px - i);  // stripes
-  const double along = along_rows_ ? x_px - i : y_px - j;
-  const int stripe = std::min(2, static_cast<int>(across));
-  if (std::abs(across - stripe - 0.5) > half_open_ || std::abs(along - 0.5) > half_open_) {
-    return std::nullopt;
-  }
-  return id(i, j, reversed_ ? 2 - stripe : stripe);
-}
-
-/// Offsets of cells reach two pixels to either side, so all pixels whose subpixels might be here
-/// are checked.
 std::optional<SubpixelId> SubpixelFinder::find_among_cells(double x_px, double y_px) const {
   if (!(std::abs(x_px) < 1e6 && std::abs(y_px) < 1e6)) return std::nullopt;
-  const int middle_i = static_cast<int>(std::floor(x_px));
-  const int middle_j = static_cast<int>(std::floor(y_px));
-  const int last_i = std::min(panel_.width_px - 1, middle_i + 3);
-  const int last_j = std::min(panel_.height_px - 1, middle_j + 3);
-  for (int j = std::max(0, middle_j - 3); j <= last_j; ++j) {
-    for (int i = std::max(0, middle_i - 3); i <= last_i; ++i) {
-      for (int channel = 0; channel < 3; ++channel) {
-        if (!is_lit_cell(x_px, y_px, i, j, channel)) continue;
-        return id(i, j, channel);
-      }
-    }
+  const int i = static_cast<int>(std::floor(x_px)), j = static_cast<int>(std::floor(y_px));
+  const int columns = panel_.layout.columns(), rows = panel_.layout.rows();
+  const auto part = [](int at, int count) { return (at % count + count) % count; };
+  for (const Candidate& c :
+       candidates_[static_cast<size_t>(part(j, rows) * columns + part(i, columns))]) {
+    const int column = i + c.i, row = j + c.j;
+    if (column >= 0 && row >= 0 && column < panel_.width_px && row < panel_.height_px &&
+        is_lit_cell(x_px, y_px, column, row, c.channel))
+      return id(column, row, c.channel);
   }
   return std::nullopt;
 }

@@ -3,7 +3,9 @@
 // subpixel for a frame, and how much of it an exposure during a change of frames gets.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -24,14 +26,35 @@ class SubpixelFinder {
  public:
   SubpixelFinder(const optics::Panel& panel, double black_matrix);
   /// Returns nothing in the black matrix and outside the panel.
-  [[nodiscard]] std::optional<SubpixelId> find(double x_px, double y_px) const;
+  [[nodiscard]] std::optional<SubpixelId> find(double x_px, double y_px) const {
+    if (!stripes_) return find_among_cells(x_px, y_px);
+    if (!(x_px >= 0 && y_px >= 0 && x_px < panel_.width_px && y_px < panel_.height_px))
+      return std::nullopt;
+    const int i = static_cast<int>(x_px), j = static_cast<int>(y_px);
+    const double across = 3.0 * (along_rows_ ? y_px - j : x_px - i);  // stripes
+    const double along = along_rows_ ? x_px - i : y_px - j;
+    const int stripe = std::min(2, static_cast<int>(across));
+    if (std::abs(across - stripe - 0.5) > half_open_ || std::abs(along - 0.5) > half_open_)
+      return std::nullopt;
+    return id(i, j, reversed_ ? 2 - stripe : stripe);
+  }
 
  private:
+  /// Candidate is a subpixel that may be lit at a place: its pixel relative to that of the place.
+  struct Candidate {
+    int i, j, channel;
+  };
+
   [[nodiscard]] std::optional<SubpixelId> find_among_cells(double x_px, double y_px) const;
   [[nodiscard]] bool is_lit_cell(double x_px, double y_px, int i, int j, int channel) const;
-  [[nodiscard]] SubpixelId id(int i, int j, int channel) const;
+  [[nodiscard]] SubpixelId id(int i, int j, int channel) const {
+    const auto width = static_cast<SubpixelId>(panel_.width_px);
+    return (static_cast<SubpixelId>(j) * width + static_cast<SubpixelId>(i)) * 4 +
+           static_cast<SubpixelId>(channel);
+  }
 
   optics::Panel panel_;
+  std::vector<std::vector<Candidate>> candidates_;  ///< of each pixel of a layout of cells
   bool stripes_;            // red, green, blue or reversed, every pixel alike
   bool along_rows_;         // stripes of a panel rotated by 90 degrees
   bool reversed_;           // blue first

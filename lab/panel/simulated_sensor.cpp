@@ -145,7 +145,6 @@ void jpeg_round_trip(std::vector<uint8_t>& codes, int width, int height, int cha
 
 namespace {
 
-constexpr size_t kNoiseTable = 1U << 16;
 constexpr size_t kCurveSteps = 1U << 15;
 
 double encode(const SimulatedCamera& camera, double light) {
@@ -183,10 +182,15 @@ float looked_up(const std::vector<float>& table, float place) {
 
 }  // namespace
 
-Sensor::Sensor(const SimulatedCamera& camera, uint64_t seed)
-    : camera_(camera), seed_(seed), noise_(kNoiseTable), encoded_(kCurveSteps + 1) {
+std::vector<float> gaussian_table(uint64_t seed) {
   PortableRandom random(seed);
-  for (float& value : noise_) value = static_cast<float>(random.gaussian());
+  std::vector<float> out(1U << 16);
+  for (float& value : out) value = static_cast<float>(random.gaussian());
+  return out;
+}
+
+Sensor::Sensor(const SimulatedCamera& camera, uint64_t seed)
+    : camera_(camera), seed_(seed), noise_(gaussian_table(seed)), encoded_(kCurveSteps + 1) {
   for (size_t step = 0; step <= kCurveSteps; ++step) {
     encoded_[step] = static_cast<float>(
         encode(camera, static_cast<double>(step) / static_cast<double>(kCurveSteps)));
@@ -210,7 +214,7 @@ void Sensor::add_noise(int row, uint64_t picture, std::vector<float>& light) con
     bits = column % 4 == 0 ? random.bits() : bits >> 16;
     const float value = values[column];
     const float deviation = std::sqrt(read + shot * std::max(0.0F, value));
-    values[column] = std::clamp(value + deviation * noise_[bits % kNoiseTable], 0.0F, 1.0F);
+    values[column] = std::clamp(value + deviation * noise_[bits % noise_.size()], 0.0F, 1.0F);
   }
 }
 

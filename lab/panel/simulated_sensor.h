@@ -81,6 +81,9 @@ void demosaic_row(const std::vector<float>& mosaic, int width, int height, int r
 /// Compresses and decompresses in place.
 void jpeg_round_trip(std::vector<uint8_t>& codes, int width, int height, int channels, int quality);
 
+/// Returns 65,536 random numbers with mean 0 and standard deviation 1, for the noise of pixels.
+[[nodiscard]] std::vector<float> gaussian_table(uint64_t seed);
+
 // Sensor simulates the conversion from the light on the sensor to the light that a program reads:
 // noise, mosaic, curve, codes, JPEG.
 

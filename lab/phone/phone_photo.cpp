@@ -232,7 +232,8 @@ class Exposure {
         driven_(drive(shown, Chroma::Full)),
         finder_(panel_, sheet.sheet().black_matrix),
         table_(light_table(camera_, light_of_codes({}), 1.0 - sheet.sheet().black_matrix)),
-        haze_(block_light(driven_, panel_, light_of_codes({}))) {}
+        haze_(block_light(driven_, panel_, light_of_codes({}))),
+        noise_(gaussian_table(shot.seed)) {}
 
   /// Returns the light of each pixel of the window, in its own channel.
   [[nodiscard]] Mosaic expose() {
@@ -312,31 +313,64 @@ class Exposure {
       }
   }
 
+  /// Linear is a value over the square that a pixel averages, relative to a value near its middle,
+  /// for which single precision is enough.
+  struct Linear {
+    float middle, across, down;  ///< slopes over the whole square
+    [[nodiscard]] float at(float x, float y) const { return middle + across * x + down * y; }
+  };
+  /// Interpolates between the corners of a cell at (u, v), and keeps the whole part apart.
+  Linear linear(const std::array<double, 4>& n, double u, double v, double& whole) const {
+    const double blur = phone_.blur_px / kCell;
+    const double right = (1.0 - v) * (n[1] - n[0]) + v * (n[3] - n[2]);
+    const double down = (1.0 - u) * (n[2] - n[0]) + u * (n[3] - n[1]);
+    const double middle = n[0] + u * right + v * (n[2] - n[0]);
+    whole = std::floor(middle);
+    return {static_cast<float>(middle - whole), static_cast<float>(blur * right),
+            static_cast<float>(blur * down)};
+  }
+
   /// Returns the light of a pixel, relative to the mean of a white panel.
   float pixel(const Corners& corners, int i, int j, size_t c, PortableRandom& random) const {
-    const Node &n0 = *corners[0], &n1 = *corners[1], &n2 = *corners[2], &n3 = *corners[3];
+    const double u = (i + 0.5) / kCell, v = (j + 0.5) / kCell;
+    const auto over_cell = [&](const auto& value, double& whole) {
+      return linear(
+          {value(*corners[0]), value(*corners[1]), value(*corners[2]), value(*corners[3])}, u, v,
+          whole);
+    };
+    double lens_apex, left, top;
+    const Linear lens = over_cell([](const Node& n) { return n.lens + 0.5; }, lens_apex);
+    const Linear x = over_cell([c](const Node& n) { return n.seen[c].x; }, left);
+    const Linear y = over_cell([c](const Node& n) { return n.seen[c].y; }, top);
     const auto haze = static_cast<float>(sheet_.sheet().haze);
-    const double blur = phone_.blur_px;
+    const float around = haze_[haze_block(panel_, left, top) * 3 + c];
+    const float step = 1.0F / static_cast<float>(side_);
     float sum = 0.0F;
-    for (int s = 0; s < side_ * side_; ++s) {
-      const double du = (s % side_ + random.uniform()) / side_ - 0.5;
-      const double dv = (s / side_ + random.uniform()) / side_ - 0.5;
-      const double u = (i + 0.5 + blur * du) / kCell, v = (j + 0.5 + blur * dv) / kCell;
-      const double w0 = (1 - u) * (1 - v), w1 = u * (1 - v), w2 = (1 - u) * v, w3 = u * v;
-      const double lens = w0 * n0.lens + w1 * n1.lens + w2 * n2.lens + w3 * n3.lens;
-      const Vec2 at = n0.seen[c] * w0 + n1.seen[c] * w1 + n2.seen[c] * w2 + n3.seen[c] * w3;
-      if (!(at.x >= 0.0 && at.y >= 0.0 && at.x < panel_.width_px && at.y < panel_.height_px)) {
-        sum += kWallLight;
-        continue;
+    for (int sy = 0; sy < side_; ++sy)
+      for (int sx = 0; sx < side_; ++sx) {
+        const uint64_t bits = random.bits();
+        const auto part = [step](int n, uint64_t drawn) {  // of the square, from its middle
+          constexpr uint64_t kBits = 0xffffff;
+          return (static_cast<float>(n) +
+                  static_cast<float>(static_cast<int>(drawn & kBits)) * 0x1p-24F) *
+                     step -
+                 0.5F;
+        };
+        const float du = part(sx, bits), dv = part(sy, bits >> 40);
+        const double seen_x = left + double{x.at(du, dv)}, seen_y = top + double{y.at(du, dv)};
+        if (!(seen_x >= 0.0 && seen_y >= 0.0 && seen_x < panel_.width_px &&
+              seen_y < panel_.height_px)) {
+          sum += kWallLight;
+          continue;
+        }
+        // A positive number, so that its conversion rounds down.
+        constexpr float kWholeLenses = 64.0F, kPlaces = ShiftTable::kPlaces;
+        const auto place = static_cast<int>((lens.at(du, dv) + kWholeLenses) * kPlaces);
+        const ShiftTable::Offset& o = tables_[c][static_cast<size_t>(place) % ShiftTable::kPlaces];
+        const float sharp =
+            std::isnan(o.x) ? around : light_at(seen_x + double{o.x}, seen_y + double{o.y}, c);
+        sum += (1.0F - haze) * sharp + haze * around + static_cast<float>(shot_.room_light);
       }
-      const double place = lens + 0.5 - std::floor(lens + 0.5);
-      const ShiftTable::Offset& o = tables_[c][std::min(
-          static_cast<size_t>(place * ShiftTable::kPlaces), ShiftTable::kPlaces - 1)];
-      const float around = haze_[haze_block(panel_, at.x, at.y) * 3 + c];
-      const float sharp =
-          std::isnan(o.x) ? around : light_at(at.x + double{o.x}, at.y + double{o.y}, c);
-      sum += (1.0F - haze) * sharp + haze * around + static_cast<float>(shot_.room_light);
-    }
     return sum / static_cast<float>(side_ * side_);
   }
 
@@ -346,13 +380,15 @@ class Exposure {
   }
 
   float noisy(float light, int i, int j, PortableRandom& random) const {
-    const double x = 2.0 * i / phone_.width - 1.0, y = 2.0 * j / phone_.height - 1.0;
-    const double exposed =
-        double{light} * phone_.exposure * (1.0 - phone_.vignetting * 0.5 * (x * x + y * y));
-    const double deviation = std::sqrt(exposed * phone_.shot_noise * phone_.shot_noise +
-                                       phone_.read_noise * phone_.read_noise) *
-                             std::sqrt(shot_.exposure_s > 0.0 ? kSubExposures : 1.0);
-    return static_cast<float>(exposed + deviation * random.gaussian());
+    const float x = 2.0F * static_cast<float>(i) / static_cast<float>(phone_.width) - 1.0F;
+    const float y = 2.0F * static_cast<float>(j) / static_cast<float>(phone_.height) - 1.0F;
+    const float exposed = light * static_cast<float>(phone_.exposure) *
+                          (1.0F - static_cast<float>(phone_.vignetting) * 0.5F * (x * x + y * y));
+    const auto shot = static_cast<float>(phone_.shot_noise * phone_.shot_noise),
+               read = static_cast<float>(phone_.read_noise * phone_.read_noise);
+    const float parts = shot_.exposure_s > 0.0 ? float{kSubExposures} : 1.0F;
+    return exposed +
+           std::sqrt((exposed * shot + read) * parts) * noise_[random.bits() % noise_.size()];
   }
 
   const SheetShape& sheet_;
@@ -370,7 +406,7 @@ class Exposure {
   DrivenFrame driven_;
   SubpixelFinder finder_;
   LightTable table_;
-  std::vector<float> haze_;
+  std::vector<float> haze_, noise_;
   std::array<ShiftTable::Table, 3> tables_{};
 };
 

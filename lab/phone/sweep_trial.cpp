@@ -16,9 +16,10 @@ calib::CameraPicture picture_of(const Photo& photo) {
   picture.width = photo.width;
   picture.height = photo.height;
   picture.channels = 3;
-  picture.light.reserve(photo.codes.size());
-  for (const uint8_t code : photo.codes)
-    picture.light.push_back(static_cast<float>(frames::linear_of_codes()[code]));
+  picture.light.resize(photo.codes.size());
+  const auto& light = frames::linear_of_codes();
+  std::ranges::transform(photo.codes, picture.light.begin(),
+                         [&light](uint8_t code) { return static_cast<float>(light[code]); });
   return picture;
 }
 
