@@ -18,6 +18,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <utility>
 
@@ -26,6 +27,7 @@
 #include "apps/lenticule-tools/calibrate/calibrate_result.h"
 #include "base/error.h"
 #include "base/print.h"
+#include "base/worker_threads.h"
 #include "lab/panel/stress_cases.h"
 #include "lab/panel/trial.h"
 #include "lab/phone/hand_trial.h"
@@ -486,30 +488,74 @@ lab::WorkshopLimits limits_of(const CalibrateFlags& flags) {
   return limits;
 }
 
+/// Calls `draw` with the seed of each draw, in several threads, until the user interrupts. Helper
+/// programs end at Ctrl-C, too: what a draw without them throws does not count.
+template <class Draw>
+void for_seeds(const CalibrateFlags& flags, const Draw& draw) {
+  WorkerThreads(0).run(flags.draws, [&flags, &draw](int n, int /*worker*/) {
+    if (player::interrupted()) return;
+    try {
+      draw(flags.first + static_cast<uint64_t>(n));
+    } catch (const Error&) {
+      if (!player::interrupted()) throw;
+    }
+  });
+}
+
+/// Returns the results in the order of their seeds.
+json in_order(json rows) {
+  std::ranges::stable_sort(rows.get_ref<json::array_t&>(), {},
+                           [](const json& row) { return row["seed"].get<uint64_t>(); });
+  return rows;
+}
+
+/// Returns how many results have each outcome.
+std::string counts_of(const json& rows) {
+  std::map<std::string, int> counts;
+  for (const json& row : rows) ++counts[row["outcome"]];
+  std::string out;
+  for (const HandOutcome outcome : {HandOutcome::Right, HandOutcome::Refused, HandOutcome::Wrong})
+    out += fmt::format("{}{} {}", out.empty() ? "" : ", ", counts[to_string(outcome)],
+                       to_string(outcome));
+  return out;
+}
+
+json results_of_hand(const CalibrateFlags& flags, uint64_t seed) {
+  const fs::path pictures =
+      flags.save.empty() ? fs::path() : fs::path(flags.save) / std::to_string(seed);
+  json rows = json::array();
+  if (flags.sweep) {
+    const lab::SweepTrial trial(seed, limits_of(flags), pictures);
+    rows.push_back(json_of(seed, trial.workshop(), trial.calibrate()));
+    rows.back()["frames"] = std::exchange(rows.back()["photographs"], 1);
+    return rows;
+  }
+  const lab::HandTrial trial(seed, limits_of(flags), pictures);
+  for (const int count : flags.photographs)
+    rows.push_back(json_of(seed, trial.workshop(), trial.calibrate(count)));
+  return rows;
+}
+
 ExitCode run_calibrate_hand(const CalibrateFlags& flags) {
   json rows = json::array(), summary = json::array();
   if (!flags.json)
     print_out("{}\n{:>5} {:>7} {:>6} | {:<8} {:>7} {:>7}\n", machine_text(), "seed", "pitch",
               "photos", "outcome", "error", "stated");
-  for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
-    const uint64_t seed = flags.first + static_cast<uint64_t>(n);
-    const fs::path pictures =
-        flags.save.empty() ? fs::path() : fs::path(flags.save) / std::to_string(seed);
-    if (flags.sweep) {
-      const lab::SweepTrial trial(seed, limits_of(flags), pictures);
-      rows.push_back(json_of(seed, trial.workshop(), trial.calibrate()));
-      rows.back()["frames"] = std::exchange(rows.back()["photographs"], 1);
-      if (!flags.json) print_result(rows.back());
-      flush_results();
-      continue;
-    }
-    const lab::HandTrial trial(seed, limits_of(flags), pictures);
-    for (const int count : flags.photographs) {
-      rows.push_back(json_of(seed, trial.workshop(), trial.calibrate(count)));
-      if (!flags.json) print_result(rows.back());
+  player::Progress progress("by hand", "setups", static_cast<uint64_t>(flags.draws), !flags.json);
+  std::mutex mutex;
+  uint64_t ended = 0;
+  for_seeds(flags, [&](uint64_t seed) {
+    const json results = results_of_hand(flags, seed);
+    const std::lock_guard lock(mutex);
+    for (const json& row : results) {
+      rows.push_back(row);
+      if (!flags.json) print_result(row);
     }
     flush_results();
-  }
+    progress.update(++ended, counts_of(rows));
+  });
+  progress.finish(counts_of(rows));
+  rows = in_order(std::move(rows));
   const std::vector<int> counts = flags.sweep ? std::vector<int>{1} : flags.photographs;
   for (const int count : counts) summary.push_back(summary_of(rows, count));
   if (!flags.plot.empty()) write_plot(rows, summary, flags.plot);
@@ -600,18 +646,20 @@ ExitCode run_calibrate_wrong(const CalibrateFlags& flags) {
   json rows = json::array(), summary = json::array();
   if (!flags.json) print_out("{}\n", machine_text());
   player::Progress progress("wrong ways", "calibrations",
-                            static_cast<uint64_t>(flags.draws) * ways.size(), flags.json);
-  for (int n = 0; n < flags.draws && !player::interrupted(); ++n) {
-    const uint64_t seed = flags.first + static_cast<uint64_t>(n);
+                            static_cast<uint64_t>(flags.draws) * ways.size());
+  std::mutex mutex;
+  for_seeds(flags, [&](uint64_t seed) {
     lab::WrongWayTrial trial(seed, limits, std::filesystem::temp_directory_path());
     for (size_t k = 0; k < ways.size() && !player::interrupted(); ++k) {
       const lab::WrongWayResult result = trial.calibrate(ways[k]);
+      const std::lock_guard lock(mutex);
       counts[k].add(result);
       rows.push_back(json_of(seed, ways[k], result));
-      progress.update(rows.size());
+      progress.update(rows.size(), counts_of(rows));
     }
-  }
-  progress.finish();
+  });
+  progress.finish(counts_of(rows));
+  rows = in_order(std::move(rows));
   for (size_t k = 0; k < ways.size(); ++k) summary.push_back(json_of(ways[k], counts[k]));
   if (flags.json)
     print_json({{"machine", machine_json()}, {"results", rows}, {"summary", summary}});
