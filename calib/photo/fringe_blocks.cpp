@@ -339,21 +339,9 @@ namespace {
 
 constexpr int kColumns = 24;
 constexpr int kRowsPerBand = 2;
+constexpr int kParts = 4;  ///< parts of a block along each side
 constexpr int kGreen = 1;
 constexpr double kTau = 2.0 * std::numbers::pi;
-
-/// The light of a block is mean + slope_x u + slope_y v + c cos + s sin.
-constexpr int kTerms = 5;
-using Terms = Eigen::Matrix<double, kTerms, 1>;
-
-struct BlockSums {
-  Eigen::Matrix<double, kTerms, kTerms> normal = Eigen::Matrix<double, kTerms, kTerms>::Zero();
-  Terms right = Terms::Zero();
-  std::array<Terms, 3> colours{Terms::Zero(), Terms::Zero(), Terms::Zero()};  ///< like `right`
-  double x = 0.0, y = 0.0;
-  Vec2 pixel;
-  int count = 0;
-};
 
 /// BlockGrid assigns each panel point to its block.
 class BlockGrid {
@@ -412,6 +400,22 @@ double covered_part(const FringeSamples& fringes, const BlockGrid& grid,
                       : 0.0;
 }
 
+/// PatchLight sums the light of both halves of a patch.
+struct PatchLight {
+  std::array<double, 2> light{}, pixels{};
+  double clipped = 0.0;
+
+  /// Returns the light of the squares relative to the grey. Clipping takes more from the squares.
+  [[nodiscard]] std::optional<double> squares() const {
+    constexpr double kFewestPixels = 20.0, kMostClipped = 0.01;
+    const double part = light[1] / pixels[1] / (light[0] / pixels[0]);
+    if (std::min(pixels[0], pixels[1]) < kFewestPixels || !std::isfinite(part) ||
+        clipped > kMostClipped * (pixels[0] + pixels[1]))
+      return std::nullopt;
+    return part;
+  }
+};
+
 FringeSample sample_of(const SheetPoint& point, Vec2 pixel, float light, uint32_t block,
                        const optics::Panel& panel) {
   return {static_cast<float>(point.lens_px.x / panel.width_px - 0.5),
@@ -425,32 +429,10 @@ FringeSample sample_of(const SheetPoint& point, Vec2 pixel, float light, uint32_
           {}};
 }
 
-/// Prediction predicts the observed fringes: the comb minus the lens coordinate, since whole lenses
-/// are invisible.
-class Prediction {
- public:
-  Prediction(const SinglePhotoChart& chart, const optics::Rig& rig)
-      : chart_(chart),
-        plane_(plane_of(rig)),
-        model_(rig),
-        has_map_(!rig.sheet.residual.empty()),
-        panel_(rig.panel) {}
-
-  [[nodiscard]] double phase(const FringeSample& sample, double detuning) const {
-    double lens = plane_.at + plane_.across * sample.x + plane_.down * sample.y;
-    if (has_map_)
-      lens = model_.lens_coordinate((sample.x + 0.5) * panel_.width_px,
-                                    (sample.y + 0.5) * panel_.height_px, kGreen);
-    return chart_.comb_phase(sample.panel_x_px, sample.panel_y_px, detuning) - lens;
-  }
-
- private:
-  const SinglePhotoChart& chart_;
-  LensPlane plane_;
-  optics::OpticalModel model_;
-  bool has_map_;
-  const optics::Panel& panel_;
-};
+/// Returns the lens coordinate at a place in LensPlane's coordinates.
+double lens_at(const optics::OpticalModel& model, const optics::Panel& panel, double x, double y) {
+  return model.lens_coordinate((x + 0.5) * panel.width_px, (y + 0.5) * panel.height_px, kGreen);
+}
 
 /// Returns the position in the block, -1/2 to 1/2 in both directions.
 Vec2 place_in_block(const FringeSample& sample, const FringeSamples& fringes,
@@ -461,45 +443,62 @@ Vec2 place_in_block(const FringeSample& sample, const FringeSamples& fringes,
           double{sample.panel_y_px} / panel.height_px * fringes.rows - row - 0.5};
 }
 
-void add_sample(BlockSums& sums, const FringeSample& sample, double cycles, Vec2 within) {
-  Terms terms;
+using LightTerms = Eigen::Matrix<double, LightSums::kLightTerms, 1>;
+using LightSquare = Eigen::Matrix<double, LightSums::kLightTerms, LightSums::kLightTerms>;
+using LightSides = Eigen::Matrix<double, LightSums::kLightTerms, LightSums::kSides>;
+
+void add_sample(LightSums& sums, const FringeSample& sample, double cycles, Vec2 within) {
+  LightTerms terms;
   terms << 1.0, within.x, within.y, std::cos(kTau * cycles), std::sin(kTau * cycles);
-  sums.normal.noalias() += terms * terms.transpose();
-  sums.right += sample.light * terms;
-  for (size_t c = 0; c < sums.colours.size(); ++c) sums.colours[c] += sample.colours[c] * terms;
-  sums.x += sample.x;
-  sums.y += sample.y;
-  sums.pixel = sums.pixel + Vec2{double{sample.pixel_x}, double{sample.pixel_y}};
-  ++sums.count;
+  Eigen::Matrix<double, 1, LightSums::kSides> sides;
+  sides << sample.light, sample.colours[0], sample.colours[1], sample.colours[2], sample.x,
+      sample.y, sample.pixel_x, sample.pixel_y;
+  Eigen::Map<LightSquare>(sums.normal.data()).noalias() += terms * terms.transpose();
+  Eigen::Map<LightSides>(sums.right.data()).noalias() += terms * sides;
+}
+
+/// Adds the sums of a part as they are for fringes that are ahead by some cycles.
+void add_part(LightSums& sums, const LightSums& part, double cycles) {
+  const double c = std::cos(kTau * cycles), s = std::sin(kTau * cycles);
+  LightSquare turn = LightSquare::Identity();
+  turn.bottomRightCorner<2, 2>() << c, -s, s, c;
+  Eigen::Map<LightSquare>(sums.normal.data()) +=
+      turn * Eigen::Map<const LightSquare>(part.normal.data()) * turn.transpose();
+  Eigen::Map<LightSides>(sums.right.data()) +=
+      turn * Eigen::Map<const LightSides>(part.right.data());
 }
 
 /// Returns the phase of fitted light, cycles: cos(p + r) = cos r cos p - sin r sin p.
-double phase_of(const Terms& fitted) {
+double phase_of(const LightTerms& fitted) {
   return std::atan2(-fitted[4], fitted[3]) / kTau;
 }
 
 /// Returns nothing if the phase of the fringes changes too little over the block.
-std::optional<FringeBlock> block_of(const BlockSums& sums, uint32_t block, double detuning) {
-  const Eigen::MatrixXd inverse = inverse_of_symmetric(sums.normal);
-  const Terms fitted = inverse * sums.right;
+std::optional<FringeBlock> block_of(const LightSums& sums, uint32_t block, double detuning) {
+  const LightSquare inverse =
+      inverse_of_symmetric(Eigen::Map<const LightSquare>(sums.normal.data()));
+  const Eigen::Map<const LightSides> right(sums.right.data());
+  const double count = sums.normal[0];
+  const LightTerms fitted = inverse * right.col(0);
   const double amplitude = std::hypot(fitted[3], fitted[4]);
   // Variance of the phase, for light with variance 1: 2 / count if the other terms are orthogonal.
-  Terms along = Terms::Zero();
+  LightTerms along = LightTerms::Zero();
   along[3] = -fitted[4] / amplitude;
   along[4] = fitted[3] / amplitude;
   const double variance = along.dot(inverse * along);
   constexpr double kLeastInformation = 0.2;
-  if (!(variance > 0.0) || 2.0 / (variance * sums.count) < kLeastInformation) return std::nullopt;
+  if (!(variance > 0.0) || 2.0 / (variance * count) < kLeastInformation) return std::nullopt;
   FringeBlock out;
   out.block = block;
   out.detuning = detuning;
-  out.x = sums.x / sums.count;
-  out.y = sums.y / sums.count;
-  out.pixel = sums.pixel * (1.0 / sums.count);
+  out.x = right(0, 4) / count;
+  out.y = right(0, 5) / count;
+  out.pixel = {right(0, 6) / count, right(0, 7) / count};
   out.phase = phase_of(fitted);
-  for (size_t c = 0; c < sums.colours.size(); ++c) {
-    if (sums.colours[c][0] <= 0.0) continue;
-    const double ahead = phase_of(inverse * sums.colours[c]) - out.phase;
+  for (size_t c = 0; c < out.colour_phase.size(); ++c) {
+    const auto own = right.col(static_cast<Eigen::Index>(c) + 1);
+    if (own[0] <= 0.0) continue;
+    const double ahead = phase_of(inverse * own) - out.phase;
     out.colour_phase[c] = ahead - std::round(ahead);
   }
   out.contrast = fitted[0] > 0.0 ? amplitude / fitted[0] : 0.0;
@@ -527,6 +526,8 @@ FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
                               const SinglePhotoChart& chart) {
   const BlockGrid grid(chart);
   FringeSamples out{kColumns, grid.rows(), {}, 0.0, 0.0};
+  std::vector<PatchLight> patches(chart.patches.size());
+  out.samples.reserve(picture.light.size());
   size_t clipped = 0, on_panel = 0;  // clipped in 255ths
   for (int j = 0; j < picture.height; ++j) {
     for (int i = 0; i < picture.width; ++i) {
@@ -535,10 +536,20 @@ FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
       const size_t at =
           static_cast<size_t>(j) * static_cast<size_t>(picture.width) + static_cast<size_t>(i);
       const float light = picture.light[at];
-      if (!std::isfinite(light) || !grid.is_on_fringes(point->panel_px)) continue;
+      const uint8_t own_clipped = picture.clipped.empty() ? uint8_t{0} : picture.clipped[at];
+      if (!grid.is_on_fringes(point->panel_px)) {
+        for (size_t k = 0; k < patches.size(); ++k)
+          if (const int half = chart.patches[k].half_at(point->panel_px); half >= 0) {
+            patches[k].light[static_cast<size_t>(half)] += double{light};
+            patches[k].pixels[static_cast<size_t>(half)] += 1.0;
+            patches[k].clipped += own_clipped / 255.0;
+          }
+        continue;
+      }
+      if (!std::isfinite(light)) continue;
       ++on_panel;
       // Clipping flattens bright fringes on both sides alike, so their phase stays.
-      if (!picture.clipped.empty()) clipped += picture.clipped[at];
+      clipped += own_clipped;
       out.samples.push_back(sample_of(*point, {i + 0.5, j + 0.5}, light,
                                       grid.block_at(point->panel_px), chart.start.panel));
       if (!picture.colours.empty()) out.samples.back().colours = picture.colours[at];
@@ -547,63 +558,59 @@ FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
   if (on_panel > 0)
     out.saturated = static_cast<double>(clipped) / 255.0 / static_cast<double>(on_panel);
   out.covered = covered_part(out, grid, chart.start.panel);
+  for (const PatchLight& patch : patches)
+    if (const auto part = patch.squares()) out.squares = std::max(out.squares.value_or(0.0), *part);
   return out;
 }
 
-std::optional<double> light_of_squares(const PhotoLight& picture, const PhotoPose& pose,
-                                       const SinglePhotoChart& chart) {
-  struct Halves {
-    std::array<double, 2> light{}, pixels{};
-    double clipped = 0.0;
-  };
-  std::vector<Halves> sums(chart.patches.size());
-  for (int j = 0; j < picture.height; ++j) {
-    for (int i = 0; i < picture.width; ++i) {
-      const auto point = pose.seen_point({i + 0.5, j + 0.5}, chart.start);
-      if (!point) continue;
-      for (size_t k = 0; k < sums.size(); ++k) {
-        const int half = chart.patches[k].half_at(point->panel_px);
-        if (half < 0) continue;
-        const size_t at =
-            static_cast<size_t>(j) * static_cast<size_t>(picture.width) + static_cast<size_t>(i);
-        sums[k].light[static_cast<size_t>(half)] += double{picture.light[at]};
-        sums[k].pixels[static_cast<size_t>(half)] += 1.0;
-        if (!picture.clipped.empty()) sums[k].clipped += picture.clipped[at] / 255.0;
-      }
-    }
-  }
-  std::optional<double> most;
-  constexpr double kFewestPixels = 20.0, kMostClipped = 0.01;
-  for (const Halves& sum : sums) {
-    if (sum.pixels[0] < kFewestPixels || sum.pixels[1] < kFewestPixels) continue;
-    // Clipping takes more light from the lit squares than from the grey.
-    if (sum.clipped > kMostClipped * (sum.pixels[0] + sum.pixels[1])) continue;
-    const double part = sum.light[1] / sum.pixels[1] / (sum.light[0] / sum.pixels[0]);
-    if (std::isfinite(part)) most = most ? std::max(*most, part) : part;
-  }
-  return most;
-}
-
-std::vector<FringeBlock> measure_blocks(const FringeSamples& fringes, const SinglePhotoChart& chart,
-                                        const optics::Rig& rig) {
-  const size_t count = static_cast<size_t>(fringes.columns) * static_cast<size_t>(fringes.rows);
-  std::vector<BlockSums> sums(count);
-  const Prediction prediction(chart, rig);
-  const auto detuning_of = [&](uint32_t block) {
-    return SinglePhotoChart::detuning(fringes.band_of(block, chart.bands));
-  };
+FringeSums sum_fringes(const FringeSamples& fringes, const SinglePhotoChart& chart,
+                       const optics::Rig& rig) {
+  FringeSums out{rig, fringes.columns, fringes.rows, {}};
+  out.parts.resize(static_cast<size_t>(kParts * kParts * fringes.columns) *
+                   static_cast<size_t>(fringes.rows));
+  const optics::OpticalModel model(rig);
   for (const FringeSample& sample : fringes.samples) {
+    const double detuning = SinglePhotoChart::detuning(fringes.band_of(sample.block, chart.bands));
     const Vec2 within = place_in_block(sample, fringes, rig.panel);
-    add_sample(sums[sample.block], sample, prediction.phase(sample, detuning_of(sample.block)),
+    const auto part = [](double at) {
+      return static_cast<uint32_t>(
+          std::clamp(static_cast<int>((at + 0.5) * kParts), 0, kParts - 1));
+    };
+    // Whole lenses are invisible: fringes are the comb minus the lens coordinate.
+    add_sample(out.parts[(sample.block * kParts + part(within.y)) * kParts + part(within.x)],
+               sample,
+               chart.comb_phase(sample.panel_x_px, sample.panel_y_px, detuning) -
+                   lens_at(model, rig.panel, sample.x, sample.y),
                within);
   }
+  return out;
+}
+
+std::vector<FringeBlock> measure_blocks(const FringeSums& sums, const SinglePhotoChart& chart,
+                                        const optics::Rig& rig) {
+  const optics::OpticalModel before(sums.rig), now(rig);
+  constexpr size_t kAll = size_t{kParts} * kParts;
+  std::vector<LightSums> blocks(sums.parts.size() / kAll);
+  double samples = 0.0;
+  for (size_t k = 0; k < sums.parts.size(); ++k) {
+    const double count = sums.parts[k].normal[0];
+    if (count == 0.0) continue;
+    samples += count;
+    const Eigen::Map<const LightSides> right(sums.parts[k].right.data());
+    const double x = right(0, 4) / count, y = right(0, 5) / count;
+    add_part(blocks[k / kAll], sums.parts[k],
+             lens_at(before, rig.panel, x, y) - lens_at(now, rig.panel, x, y));
+  }
   // A block half covered by a tag is less reliable than its weight states.
-  const double usual = static_cast<double>(fringes.samples.size()) / static_cast<double>(count);
-  std::vector<FringeBlock> blocks;
-  for (uint32_t b = 0; b < count; ++b)
-    if (sums[b].count > std::max(0.3 * usual, 4.0 * kTerms))
-      if (const auto block = block_of(sums[b], b, detuning_of(b))) blocks.push_back(*block);
-  return blocks;
+  const double usual = samples / static_cast<double>(blocks.size());
+  std::vector<FringeBlock> out;
+  for (uint32_t b = 0; b < blocks.size(); ++b) {
+    if (blocks[b].normal[0] <= std::max(0.3 * usual, 4.0 * LightSums::kLightTerms)) continue;
+    const double detuning =
+        SinglePhotoChart::detuning(static_cast<int>(b) / sums.columns * chart.bands / sums.rows);
+    if (const auto block = block_of(blocks[b], b, detuning)) out.push_back(*block);
+  }
+  return out;
 }
 
 namespace {

@@ -99,6 +99,10 @@ struct FringeSamples {
   std::vector<FringeSample> samples;
   double saturated = 0.0;  ///< fraction of the values on the panel that were clipped
   double covered = 0.0;    ///< fraction of the panel's fringes that the picture shows
+  /// Light of the chart's squares of one pixel relative to the grey beside them, the larger value
+  /// of the patches; nothing if no patch is visible. Scaling darkens both patches, to about a half.
+  /// In one alone, the squares can beat with the camera's pixels and seem darker.
+  std::optional<double> squares = {};
 
   [[nodiscard]] int band_of(uint32_t block, int bands) const {
     return static_cast<int>(block) / columns * bands / rows;
@@ -108,13 +112,6 @@ struct FringeSamples {
 /// Returns the pixels that see fringes, without tags and without the borders of bands.
 [[nodiscard]] FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
                                             const SinglePhotoChart& chart);
-
-/// Returns the light of the chart's squares of one pixel relative to the grey beside them, the
-/// larger value of the patches; nothing if no patch is visible. Scaling darkens both patches, to
-/// about a half. In one alone, the squares can beat with the camera's pixels and seem darker.
-[[nodiscard]] std::optional<double> light_of_squares(const PhotoLight& picture,
-                                                     const PhotoPose& pose,
-                                                     const SinglePhotoChart& chart);
 
 /// FringeBlock is the deviation of the fringes of one block from the prediction of a lens plane.
 struct FringeBlock {
@@ -131,10 +128,30 @@ struct FringeBlock {
   double weight = 0.0;    ///< inverse variance of the phase
 };
 
+/// LightSums holds the normal equations of the light of some samples, which is mean + slope_x u +
+/// slope_y v + c cos + s sin. Right sides: the mean of the channels, red, green, blue, then the
+/// places x, y and in the picture, of which only the sums count.
+struct LightSums {
+  static constexpr int kLightTerms = 5, kSides = 8;
+  std::array<double, kLightTerms * kLightTerms> normal{};  ///< the first is the number of samples
+  std::array<double, kLightTerms * kSides> right{};
+};
+
+/// FringeSums has the sums over parts of blocks so small that in each the fringes of a similar rig
+/// are ahead by one phase: samples are visited once for many rigs.
+struct FringeSums {
+  optics::Rig rig;  ///< predicts the fringes
+  int columns = 0, rows = 0;
+  std::vector<LightSums> parts;  ///< those of the first block, then of the next
+};
+[[nodiscard]] FringeSums sum_fringes(const FringeSamples& fringes, const SinglePhotoChart& chart,
+                                     const optics::Rig& rig);
+
 /// Fits mean, slopes, cosine and sine to the light of each block with enough pixels by least
 /// squares, so that neither uneven light nor incomplete fringes bias the phase. Omits blocks too
-/// small to separate their fringes from uneven light. `rig` has the residual map.
-[[nodiscard]] std::vector<FringeBlock> measure_blocks(const FringeSamples& fringes,
+/// small to separate their fringes from uneven light. `rig` has the residual map, and is similar to
+/// that of the sums.
+[[nodiscard]] std::vector<FringeBlock> measure_blocks(const FringeSums& sums,
                                                       const SinglePhotoChart& chart,
                                                       const optics::Rig& rig);
 

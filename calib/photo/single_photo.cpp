@@ -448,6 +448,7 @@ constexpr double kEvenLenses = 0.02;
 /// PlaneFit holds the steps of the fit; after a refusal those until there.
 struct PlaneFit {
   FringeSamples fringes;
+  FringeSums sums;  ///< for a rig near the present one
   optics::Rig rig;  ///< the rig known so far
   std::vector<FringeBlock> blocks;
   PlaneCorrection correction;
@@ -484,17 +485,15 @@ void improve(PlaneFit& fit, const LensPlane& add) {
 void refine_plane(const SinglePhotoChart& chart, PlaneFit& fit) {
   constexpr int kRounds = 3;
   for (int round = 0; round < kRounds; ++round) {
-    fit.blocks = measure_blocks(fit.fringes, chart, fit.rig);
+    fit.blocks = measure_blocks(fit.sums, chart, fit.rig);
     fit.correction = fit_plane(fit.blocks);
     improve(fit, fit.correction.add);
   }
 }
 
-/// Finds the fringes and counts them: `fit.fringes` and a first pitch and slant. Refuses
-/// photographs with clipped, missing or invisible fringes.
-Refusal locate_fringes(const PhotoLight& picture, const PhotoPose& pose,
-                       const SinglePhotoChart& chart, PlaneFit& fit) {
-  fit.fringes = collect_fringes(picture, pose, chart);
+/// Counts the fringes: a first pitch and slant. Refuses photographs with clipped, missing or
+/// invisible fringes.
+Refusal locate_fringes(const SinglePhotoChart& chart, PlaneFit& fit) {
   if (fit.fringes.saturated > kMostSaturated)
     return fmt::format("{:.0f} % of the fringes are clipped: expose less",
                        100.0 * fit.fringes.saturated);
@@ -554,8 +553,9 @@ Refusal contradicting_layout(const std::vector<FringeBlock>& blocks, const optic
 /// Fits the phases of `fit.fringes`, starting at `fit.rig`. Refuses faint fringes and those that
 /// fit no even sheet.
 Refusal fit_phases(const SinglePhotoChart& chart, PlaneFit& fit) {
-  fit.blocks = measure_blocks(fit.fringes, chart, fit.rig);
+  fit.blocks = measure_blocks(sum_fringes(fit.fringes, chart, fit.rig), chart, fit.rig);
   improve(fit, search_plane(fit.blocks));
+  fit.sums = sum_fringes(fit.fringes, chart, fit.rig);
   refine_plane(chart, fit);
   fit.uneven_lenses = fit.correction.max_lenses;
   // The next map captures the part that the previous map smoothed away.
@@ -584,7 +584,6 @@ Refusal fit_phases(const SinglePhotoChart& chart, PlaneFit& fit) {
 struct PhotoMeasurement {
   AveragedPhoto photo;
   TaggedCamera camera;
-  std::optional<double> squares;  ///< light_of_squares
   PlaneFit sheet;
   /// Change of at, across and down if the camera was one standard error further away.
   LensPlane farther;
@@ -747,7 +746,7 @@ void add_warnings(const PhotoMeasurement& work, const SinglePhotoChart& chart, b
         fmt::format("the distance of the camera is known only to {:.0f} mm: straight ahead, focal "
                     "length and distance cannot be separated",
                     sigma));
-  if (!work.squares)
+  if (!sheet.fringes.squares)
     out.warnings.emplace_back(
         "photograph: too small to check whether the chart was shown pixel by pixel; take it nearer "
         "to the panel");
@@ -796,14 +795,13 @@ void add_camera(const PhotoMeasurement& work, Calibration& out) {
 
 /// Refuses scaled pictures. Scaling smears squares of one pixel to less light than they have. It
 /// also scales the fringes, so that the fitted pitch would belong to another size.
-Refusal evaluate_scale(PhotoMeasurement& work, const SinglePhotoChart& chart) {
+Refusal evaluate_scale(const FringeSamples& fringes) {
   constexpr double kLeastSquares = 0.8;
-  work.squares = light_of_squares(work.photo.light, *work.camera.pose, chart);
-  if (!work.squares || *work.squares >= kLeastSquares) return std::nullopt;
+  if (!fringes.squares || *fringes.squares >= kLeastSquares) return std::nullopt;
   return fmt::format(
       "the chart was scaled before it was displayed: its squares of one pixel have {:.0f} % of the "
       "expected light; show it pixel by pixel",
-      100.0 * *work.squares);
+      100.0 * *fringes.squares);
 }
 
 /// Repeats the fit for a camera that was further away: the sheet bends light more at a small
@@ -831,18 +829,12 @@ void try_farther(PhotoMeasurement& work, const SinglePhotoChart& chart, const Ph
 Refusal measure_phases(PhotoMeasurement& work, const SinglePhotoChart& chart,
                        const PhotoPriors& priors) {
   if (Refusal refusal = locate_camera(work.photo, chart, priors, work.camera)) return refusal;
-  if (Refusal refusal = evaluate_scale(work, chart)) return refusal;
-  if (Refusal refusal = locate_fringes(work.photo.light, *work.camera.pose, chart, work.sheet))
-    return refusal;
+  work.sheet.fringes = collect_fringes(work.photo.light, *work.camera.pose, chart);
+  if (Refusal refusal = evaluate_scale(work.sheet.fringes)) return refusal;
+  if (Refusal refusal = locate_fringes(chart, work.sheet)) return refusal;
   if (Refusal refusal = fit_phases(chart, work.sheet)) return refusal;
   if (const auto problem = optics::find_problem(work.sheet.rig))
     return problem->key + " would be " + problem->cause;
-  return std::nullopt;
-}
-
-Refusal measure(PhotoMeasurement& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
-  if (Refusal refusal = measure_phases(work, chart, priors)) return refusal;
-  try_farther(work, chart, priors);
   return std::nullopt;
 }
 
@@ -884,9 +876,10 @@ Calibration fit_single_photo(const CameraPicture& photograph, const SinglePhotoC
   PhotoMeasurement work;
   work.photo = average_down(photograph);
   work.sheet.rig = chart.start;
-  if (const Refusal refusal = measure(work, chart, priors)) {
+  if (const Refusal refusal = measure_phases(work, chart, priors)) {
     out.reasons = {*refusal};
   } else {
+    try_farther(work, chart, priors);
     add_findings(work, chart, priors, out);
   }
   add_camera(work, out);

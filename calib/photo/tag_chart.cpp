@@ -380,63 +380,66 @@ struct Normalized {
   [[nodiscard]] Vec2 pixel(Vec2 at) const { return at * scale + middle; }
 };
 
+constexpr int kSpan = 5, kReach = kSpan / 2;
 /// Weights holds the parts that the cells around a place have in its blurred light, along one side
-/// of the tag, and their derivatives by the place and by the blur.
-struct Weights {
-  static constexpr int kSpan = 5;
-  int first = 0;
-  std::array<double, kSpan> value{}, by_place{}, by_blur{};
-};
+/// of the tag, then their derivatives by the place and by the blur.
+using Weights = Eigen::Matrix<double, kSpan, 3>;
 
-Weights weights_at(double place, double blur) {
+Weights weights_at(double place_in_cell, double blur) {
   Weights out;
-  out.first = static_cast<int>(std::floor(place)) - Weights::kSpan / 2;
-  std::array<double, Weights::kSpan + 1> below{}, density{}, moment{};
-  for (int k = 0; k <= Weights::kSpan; ++k) {
-    const auto at = static_cast<size_t>(k);
-    const double z = (out.first + k - place) / blur;
-    below[at] = 0.5 * std::erfc(-z / std::numbers::sqrt2);
-    density[at] = std::exp(-0.5 * z * z) / (blur * std::numbers::sqrt2 / std::numbers::inv_sqrtpi);
-    moment[at] = -z * density[at];
+  std::array<double, kSpan + 1> below{}, density{}, moment{};
+  for (size_t k = 0; k <= kSpan; ++k) {
+    const double z = (static_cast<double>(k) - kReach - place_in_cell) / blur;
+    below[k] = 0.5 * std::erfc(-z / std::numbers::sqrt2);
+    density[k] = std::exp(-0.5 * z * z) / (blur * std::numbers::sqrt2 / std::numbers::inv_sqrtpi);
+    moment[k] = -z * density[k];
   }
   below.front() = 0.0;  // the outer cells stand for all that are further away
   below.back() = 1.0;
-  for (size_t k = 0; k < Weights::kSpan; ++k) {
-    out.value[k] = below[k + 1] - below[k];
-    out.by_place[k] = density[k] - density[k + 1];
-    out.by_blur[k] = moment[k + 1] - moment[k];
+  for (size_t k = 0; k < kSpan; ++k)
+    out.row(static_cast<Eigen::Index>(k)) << below[k + 1] - below[k], density[k] - density[k + 1],
+        moment[k + 1] - moment[k];
+  return out;
+}
+
+/// BlurredTag evaluates a tag with one blur: between places in steps, weights are interpolated.
+class BlurredTag {
+ public:
+  /// Light of the cells, 1 for white, with a rim of fringes, half as light.
+  using Light = Eigen::Matrix<double, kTagCells + 2 * kReach, kTagCells + 2 * kReach>;
+
+  static Light light_of(const std::vector<bool>& white) {
+    Light out = Light::Constant(0.5);
+    for (int k = 0; k < kTagCells * kTagCells; ++k)
+      out(k / kTagCells + kReach, k % kTagCells + kReach) =
+          white[static_cast<size_t>(k)] ? 1.0 : 0.0;
+    return out;
   }
-  return out;
-}
 
-/// Returns the light of a cell, 1 for white. Outside the tag are fringes, half as light.
-double light_of(const std::vector<bool>& white, int column, int row) {
-  constexpr double kFringes = 0.5;
-  if (std::min(column, row) < 0 || std::max(column, row) >= kTagCells) return kFringes;
-  return white[static_cast<size_t>(row * kTagCells + column)] ? 1.0 : 0.0;
-}
+  BlurredTag(const Light& light, double blur) : light_(light) {
+    for (int k = 0; k <= kSteps; ++k) steps_.push_back(weights_at(double(k) / kSteps, blur));
+  }
 
-/// Pattern is the light of the blurred tag.
-struct Pattern {
-  double value = 0.0, by_x = 0.0, by_y = 0.0, by_blur = 0.0;
+  /// Returns the light at a place on the tag: the value, the derivatives by y and by the blur of
+  /// the rows; in the first row, the value, the derivatives by x and by the blur of the columns.
+  [[nodiscard]] Eigen::Matrix3d at(Vec2 cell) const {
+    const int column = static_cast<int>(cell.x), row = static_cast<int>(cell.y);
+    const Weights across = weights(cell.x - column), down = weights(cell.y - row);
+    return down.transpose() * (light_.block<kSpan, kSpan>(row, column) * across).eval();
+  }
+
+ private:
+  static constexpr int kSteps = 256;
+  [[nodiscard]] Weights weights(double place_in_cell) const {
+    const double at = place_in_cell * kSteps;
+    const auto below = static_cast<size_t>(at);
+    const double part = at - static_cast<double>(below);
+    return (1.0 - part) * steps_[below] + part * steps_[below + 1];
+  }
+
+  const Light& light_;
+  std::vector<Weights> steps_;
 };
-
-Pattern pattern_at(const std::vector<bool>& white, Vec2 cell, double blur) {
-  const Weights across = weights_at(cell.x, blur), down = weights_at(cell.y, blur);
-  Pattern out;
-  for (size_t j = 0; j < Weights::kSpan; ++j)
-    for (size_t i = 0; i < Weights::kSpan; ++i) {
-      const double light =
-          light_of(white, across.first + static_cast<int>(i), down.first + static_cast<int>(j));
-      if (light == 0.0) continue;
-      out.value += light * across.value[i] * down.value[j];
-      out.by_x += light * across.by_place[i] * down.value[j];
-      out.by_y += light * across.value[i] * down.by_place[j];
-      out.by_blur +=
-          light * (across.by_blur[i] * down.value[j] + across.value[i] * down.by_blur[j]);
-    }
-  return out;
-}
 
 /// Returns the map that takes the four corners to kCorners, if they are no degenerate square.
 std::optional<Unknowns> start_of(const TagSighting& tag, const Normalized& normalized) {
@@ -487,12 +490,16 @@ class Alignment {
  public:
   Alignment(const PhotoLight& picture, const TagSighting& tag, const std::vector<bool>& white,
             const Normalized& normalized)
-      : picture_(picture), white_(white), normalized_(normalized), part_(around(picture, tag)) {}
+      : picture_(picture),
+        light_(BlurredTag::light_of(white)),
+        normalized_(normalized),
+        part_(around(picture, tag)) {}
 
   /// Sums the normal equations at the unknowns. Returns the mean squared residual.
   double equations(const Unknowns& u, Square& square, Unknowns& right) const {
     square.setZero();
     right.setZero();
+    const BlurredTag blurred(light_, u[kBlur]);
     double sum = 0.0;
     int count = 0;
     for (int j = part_.top; j < part_.bottom; ++j)
@@ -502,7 +509,7 @@ class Alignment {
                            static_cast<size_t>(i)];
         if (!std::isfinite(light)) continue;
         Unknowns slope;
-        const auto expected = value(u, normalized_.of({i + 0.5, j + 0.5}), slope);
+        const auto expected = value(blurred, u, normalized_.of({i + 0.5, j + 0.5}), slope);
         if (!expected) continue;
         const double rest = light - *expected;
         square.noalias() += slope * slope.transpose();
@@ -516,22 +523,23 @@ class Alignment {
  private:
   /// Returns the light that the unknowns predict, with its derivatives; nothing outside the middle
   /// of the rim, where fringes begin.
-  std::optional<double> value(const Unknowns& u, Vec2 p, Unknowns& slope) const {
+  static std::optional<double> value(const BlurredTag& blurred, const Unknowns& u, Vec2 p,
+                                     Unknowns& slope) {
     constexpr double kMargin = 0.5 * kTagRimCells;
     const double w = u[6] * p.x + u[7] * p.y + 1.0;
     const Vec2 q{(u[0] * p.x + u[1] * p.y + u[2]) / w, (u[3] * p.x + u[4] * p.y + u[5]) / w};
     if (!(std::min(q.x, q.y) > kMargin && std::max(q.x, q.y) < kTagCells - kMargin))
       return std::nullopt;
-    const Pattern at = pattern_at(white_, q, u[kBlur]);
-    const double x = u[kRise] * at.by_x / w, y = u[kRise] * at.by_y / w;
+    const Eigen::Matrix3d at = blurred.at(q);
+    const double x = u[kRise] * at(0, 1) / w, y = u[kRise] * at(1, 0) / w;
     const double both = x * q.x + y * q.y;
-    slope << x * p.x, x * p.y, x, y * p.x, y * p.y, y, -both * p.x, -both * p.y, 1.0, at.value,
-        u[kRise] * at.by_blur;
-    return u[kBlack] + u[kRise] * at.value;
+    slope << x * p.x, x * p.y, x, y * p.x, y * p.y, y, -both * p.x, -both * p.y, 1.0, at(0, 0),
+        u[kRise] * (at(0, 2) + at(2, 0));
+    return u[kBlack] + u[kRise] * at(0, 0);
   }
 
   const PhotoLight& picture_;
-  const std::vector<bool>& white_;
+  BlurredTag::Light light_;
   Normalized normalized_;
   Part part_;
 };
