@@ -15,7 +15,6 @@ pkg_check_modules(LIBUDEV REQUIRED IMPORTED_TARGET libudev)
 pkg_check_modules(LIBCRYPTO REQUIRED IMPORTED_TARGET libcrypto)
 pkg_check_modules(LIBSYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
 pkg_check_modules(ALSA REQUIRED IMPORTED_TARGET alsa)
-pkg_check_modules(LIBSEAT IMPORTED_TARGET libseat)
 pkg_check_modules(QRENCODE REQUIRED IMPORTED_TARGET libqrencode)
 # For lenticule-window only; without SDL there is no --display window.
 pkg_check_modules(SDL2 IMPORTED_TARGET sdl2)

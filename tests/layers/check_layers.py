@@ -59,7 +59,6 @@ LIBRARIES = {
     "toml": "optics player",
     "xf86drm": "display",
     "libudev": "display",
-    "libseat": "display",
     "linux/videodev2": "calib frames apps/lenticule-video",
     "ceres": "calib",
     "Eigen": "calib",

@@ -97,7 +97,6 @@ template <class Handle>
 struct ReadySet {
   bool card = false;
   bool card_gone = false;
-  bool session = false;
   bool hotplug = false;
   bool wake = false;  ///< the caller's own descriptor
 };
@@ -107,12 +106,11 @@ struct ReadySet {
 class EventWaiter {
  public:
   /// Descriptors of -1 are never ready. Throws Error(Failed).
-  EventWaiter(int card_fd, int session_fd, int hotplug_fd) : epoll_(epoll_create1(EPOLL_CLOEXEC)) {
+  EventWaiter(int card_fd, int hotplug_fd) : epoll_(epoll_create1(EPOLL_CLOEXEC)) {
     if (!epoll_)
       throw failed_error("kms: cannot create an epoll descriptor: {}", std::strerror(errno))
           .remedy("raise the limit of open files");
     add(card_fd, kCard);
-    add(session_fd, kSession);
     add(hotplug_fd, kHotplug);
   }
 
@@ -121,7 +119,7 @@ class EventWaiter {
   [[nodiscard]] ReadySet wait(Clock& clock, Nanoseconds deadline, int wake_fd) noexcept {
     watch_wake(wake_fd);
     (void)clock.wait_until(deadline, epoll_.get());
-    std::array<epoll_event, 4> entries{};
+    std::array<epoll_event, 3> entries{};
     const int count = epoll_wait(epoll_.get(), entries.data(), static_cast<int>(entries.size()), 0);
     ReadySet ready;
     for (int i = 0; i < count; ++i) {
@@ -130,9 +128,6 @@ class EventWaiter {
         case kCard:
           ready.card = (entry.events & EPOLLIN) != 0;
           ready.card_gone = (entry.events & (EPOLLHUP | EPOLLERR)) != 0;
-          break;
-        case kSession:
-          ready.session = true;
           break;
         case kHotplug:
           ready.hotplug = true;
@@ -145,7 +140,7 @@ class EventWaiter {
   }
 
  private:
-  enum Source : uint32_t { kCard, kSession, kHotplug, kWake };
+  enum Source : uint32_t { kCard, kHotplug, kWake };
 
   void add(int fd, Source source) {
     if (fd < 0) return;

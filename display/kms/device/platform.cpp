@@ -119,13 +119,6 @@ std::shared_ptr<Session> make_direct_session() {
   return std::make_shared<DirectSession>();
 }
 
-#if !defined(LENTICULE_HAVE_LIBSEAT)
-std::shared_ptr<Session> make_seat_session() {
-  throw Error(ErrorKind::Device, "seat: this build has no libseat",
-              "leave the seat option out and stop the desktop session");
-}
-#endif
-
 std::shared_ptr<KmsPlatform> make_linux_platform() {
   return std::make_shared<LinuxPlatform>();
 }

@@ -21,7 +21,7 @@ enum class Mastership {
   Busy,    ///< another program is DRM master (EBUSY)
 };
 
-/// Session opens cards and tracks whether this process may use them at the moment.
+/// Session opens cards and becomes their master.
 /// Thread safety: one thread; open_device() may be called before that thread exists.
 class Session {
  public:
@@ -33,18 +33,10 @@ class Session {
   /// Tries to become DRM master and returns the result.
   [[nodiscard]] virtual Mastership ensure_master(int fd) noexcept = 0;
   virtual void drop_master(int fd) noexcept = 0;
-  /// Returns a descriptor that is readable when dispatch() should be called; -1 if never.
-  [[nodiscard]] virtual int fd() const noexcept { return -1; }
-  /// Handles messages of the seat manager. Returns false while the seat is inactive.
-  [[nodiscard]] virtual bool dispatch() noexcept { return true; }
 };
 
 /// Returns a session that opens nodes directly: the first opener is DRM master. Used by kiosks.
 [[nodiscard]] std::shared_ptr<Session> make_direct_session();
-
-/// Returns a session through libseat (seatd or logind), for a desktop's virtual terminals. Throws
-/// Error(Device) if there is no seat or this build has no libseat.
-[[nodiscard]] std::shared_ptr<Session> make_seat_session();
 
 /// HotplugMonitor reports that graphics cards may have changed. Thread safety: one thread.
 class HotplugMonitor {

@@ -185,11 +185,6 @@ class PageFlipHandler {
     if (result == EventRead::Truncated) ++counters_.truncated_reads;
     if (result == EventRead::Gone) mark_lost();
   }
-  /// Call when the seat manager took the card away or gave it back.
-  void set_session_ours(bool ours) noexcept {
-    if (!ours) return pause();
-    if (paused_) resume_at_ = now();
-  }
 
   /// Requests a modeset, because the output may be in any state. The modeset also shows the pending
   /// flip, if there is one.
@@ -465,7 +460,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
     flips_.emplace(active_, options_.session, clock_, mode_.refresh, counters_);
     monitor_.emplace(*active_.output, options_.output, options_.platform->watch_hotplug(), clock_,
                      counters_);
-    waiter_.emplace(device.fd(), options_.session->fd(), monitor_->fd());
+    waiter_.emplace(device.fd(), monitor_->fd());
     mode_.hardware_clock = flips_->counts_by_hardware();
     // The kernel takes the panel when the console returns to text mode, even if a process holds the
     // card. A held frame therefore must not use the console.
@@ -520,7 +515,6 @@ class AtomicKmsDisplay final : public KmsDisplay {
   void handle(const ReadySet& ready) noexcept {
     if (ready.card) flips_->read_events();
     if (ready.card_gone) flips_->mark_lost();
-    if (ready.session) flips_->set_session_ours(options_.session->dispatch());
     follow_panel(ready.hotplug);
     // Written only when it changes, because other threads may read the mode at any time.
     if (mode_.hardware_clock && !flips_->counts_by_hardware()) mode_.hardware_clock = false;
