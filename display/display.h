@@ -52,6 +52,9 @@ class ScanoutBuffer {
   /// Copies the whole frame, converting it to the scan-out format without changing a subpixel.
   /// noexcept: the sizes were checked when the display was opened.
   virtual void fill(const frames::FrameView& frame) noexcept = 0;
+  /// Copies a box over the frame in the buffer, in the same way. Its first pixel is at (left, top)
+  /// of the frame, or of the picture `part` of a frame for several panels; it lies within that.
+  virtual void fill_box(const frames::FrameView& box, int left, int top, size_t part) noexcept = 0;
 };
 
 /// No function throws or allocates after opening. Thread safety: submit(), wait_event() and

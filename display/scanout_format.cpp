@@ -84,4 +84,20 @@ void expand_frame(const ScanoutLayout& layout, const frames::FrameView& frame, u
   }
 }
 
+void expand_box(const ScanoutLayout& layout, const frames::FrameView& box, int left, int top,
+                size_t part, uint32_t* words, size_t stride) noexcept {
+  const ScanoutPart place =
+      layout.parts.empty() ? ScanoutPart{.geometry = layout.geometry, .mounting = layout.mounting}
+                           : layout.parts[part];
+  const auto sent = [&place](int column, int row) {
+    return place.mounting.inverse().seen_place({column, row},
+                                               {place.geometry.width, place.geometry.height});
+  };
+  const optics::PixelPlace a = sent(left, top);
+  const optics::PixelPlace b = sent(left + box.geometry.width - 1, top + box.geometry.height - 1);
+  words += static_cast<size_t>(place.top_px + std::min(a.row, b.row)) * stride +
+           static_cast<size_t>(place.left_px + std::min(a.column, b.column));
+  expand_frame(layout.depth, box, place.mounting, words, stride);
+}
+
 }  // namespace lenticule::display

@@ -64,5 +64,8 @@ struct ScanoutLayout {
 /// one row to the next. Pixels between the parts keep their values; no panel shows them.
 void expand_frame(const ScanoutLayout& layout, const frames::FrameView& frame, uint32_t* words,
                   size_t stride) noexcept;
+/// Fills a part of it as ScanoutBuffer::fill_box() does.
+void expand_box(const ScanoutLayout& layout, const frames::FrameView& box, int left, int top,
+                size_t part, uint32_t* words, size_t stride) noexcept;
 
 }  // namespace lenticule::display

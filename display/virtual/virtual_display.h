@@ -90,6 +90,9 @@ class VirtualBuffer final : public ScanoutBuffer {
     LENTICULE_CHECK(layout_.takes(frame));
     expand_frame(layout_, frame, words_.get(), stride_);
   }
+  void fill_box(const frames::FrameView& box, int left, int top, size_t part) noexcept override {
+    expand_box(layout_, box, left, top, part, words_.get(), stride_);
+  }
 
   /// Changes Free to Acquired; returns false if the buffer is not free.
   [[nodiscard]] bool try_acquire() noexcept {

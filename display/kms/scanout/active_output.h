@@ -109,6 +109,10 @@ class KmsBuffer final : public ScanoutBuffer {
     LENTICULE_CHECK(layout_.takes(frame));
     expand_frame(layout_, frame, static_cast<uint32_t*>(mapping_.get()), pitch_ / sizeof(uint32_t));
   }
+  void fill_box(const frames::FrameView& box, int left, int top, size_t part) noexcept override {
+    expand_box(layout_, box, left, top, part, static_cast<uint32_t*>(mapping_.get()),
+               pitch_ / sizeof(uint32_t));
+  }
 
   /// Changes Free to Acquired; returns false if the buffer is not free. The filling thread's only
   /// transition.
