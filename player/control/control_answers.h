@@ -144,6 +144,8 @@ inline nlohmann::ordered_json item_json(const PlaylistItem& item) {
   if (content.views != 0) json["views"] = content.views;
   if (content.aspect) json["aspect"] = *content.aspect;
   if (content.depth_budget) json["depth_budget"] = *content.depth_budget;
+  const auto own = std::span(item.overlays).subspan(item.overlays_of_list);
+  if (!own.empty()) json["overlay"] = overlays_json(own);
   if (item.schedule) json["schedule"] = schedule_json(*item.schedule);
   return json;
 }
@@ -160,6 +162,7 @@ inline nlohmann::ordered_json item_json(const PlaylistItem& item) {
   if (list.shuffle) json["shuffle"] = *list.shuffle;
   json["transition"] = kTransitionNames.at(static_cast<size_t>(list.transition));
   json["transition_seconds"] = list.transition_s;
+  if (!list.overlays.empty()) json["overlay"] = overlays_json(list.overlays);
   json["default"] = list.standby ? item_json(*list.standby) : nlohmann::ordered_json(nullptr);
   json["count"] = list.items.size();
   json["first"] = first;

@@ -37,6 +37,7 @@ const std::vector<VerbRow>& verbs() {
       {"speed", {"factor"}, "factor"},
       {"power", {"to"}, "to"},
       {"volume", {"db"}, "db"},
+      {"overlay", {"picture", "text", "clock", "code", "at", "height", "for_s", "off"}},
       {"trim", {"offset", "pitch", "offset_by", "pitch_by"}},
       {"rig", {"toml"}, "toml"},
       {"snapshot", {"file", "eye", "panel"}, "file"},
@@ -151,6 +152,14 @@ void take_field(const std::string& field, const json& value, ControlRequest& req
   if (field == "panel") request.panel = words(field, value);
 }
 
+/// Returns the overlay that the request states; none for {"off": true}.
+std::optional<OverlaySpec> overlay_of(json keys) {
+  for (const char* key : {"id", "do"}) keys.erase(key);
+  if (keys == json{{"off", true}}) return std::nullopt;
+  if (keys.contains("off")) refuse("off: neither true nor the only field");
+  return parse_overlay(keys);
+}
+
 /// Checks that the verb's required fields are present and that the given fields go together.
 void check_complete(const VerbRow& row, const ControlRequest& request, const json& line) {
   if (row.needed != nullptr && !line.contains(row.needed))
@@ -158,7 +167,8 @@ void check_complete(const VerbRow& row, const ControlRequest& request, const jso
   if ((request.verb == "interrupt" || request.verb == "cue") &&
       request.source.empty() == !request.item)
     refuse(fmt::format("{}: expected either source or item", row.name));
-  if (request.verb == "snapshot" && request.file.front() != '/')
+  const std::string& file = line.contains("picture") ? request.overlay->content : request.file;
+  if ((request.verb == "snapshot" || line.contains("picture")) && file.front() != '/')
     refuse("file: not an absolute path", "the player's working folder may differ from yours");
   if (request.verb == "seek" && !request.frame && !request.item)
     refuse("seek: frame and item are missing");
@@ -190,6 +200,7 @@ ControlRequest parse_control_request(std::string_view text, json& id) {
       refuse(fmt::format("{}: unknown field '{}'", name, field.substr(0, kMaxIdBytes)));
     take_field(field, value, request);
   }
+  if (request.verb == "overlay") request.overlay = overlay_of(line);
   check_complete(*row, request, line);
   return request;
 }

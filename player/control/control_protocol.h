@@ -15,6 +15,7 @@
 
 #include "base/error_kinds.h"
 #include "base/json_line_socket.h"
+#include "player/playback/overlay.h"
 
 namespace lenticule::player {
 
@@ -40,6 +41,8 @@ struct ControlRequest {
   std::string file{};                             ///< snapshot
   std::optional<std::array<double, 3>> eye_mm{};  ///< snapshot
   std::string panel{};                            ///< snapshot: a panel of a wall, by its name
+  /// overlay; none: "off"
+  std::optional<OverlaySpec> overlay{};
 };
 
 /// Parses one line without its line end. Throws Error(Usage) if the line is not a valid request:

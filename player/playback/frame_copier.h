@@ -14,6 +14,7 @@
 #include <exception>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -137,7 +138,7 @@ class FrameCopier {
     skip_before(newest.index);
     display::ScanoutBuffer* const buffer = display_.acquire();
     if (buffer == nullptr) return next_index_;
-    fill(*buffer, newest.acquired.frame);
+    fill(*buffer, newest.acquired);
     push(buffer, newest.acquired, newest.index);
     return newest.index;
   }
@@ -249,7 +250,7 @@ class FrameCopier {
   [[nodiscard]] Step take(const frames::AcquiredFrame& acquired) {
     const bool fits = acquired.frame.geometry == display_.mode().geometry;
     const bool wanted = buffer_ != nullptr;
-    if (fits && wanted) fill(*buffer_, acquired.frame);
+    if (fits && wanted) fill(*buffer_, acquired);
     keep_or_release(acquired, fits && wanted);
     if (!fits) return end(State::Failed, "the source changed the size of its frames");
 
@@ -291,11 +292,18 @@ class FrameCopier {
     notify_presenter();
     return Step::NoFrame;
   }
-  void fill(display::ScanoutBuffer& buffer, const frames::FrameView& frame) noexcept {
+  void fill(display::ScanoutBuffer& buffer, const frames::AcquiredFrame& acquired) noexcept {
     const auto begin = SteadyClock::now();
-    buffer.fill(frame);
+    buffer.fill(acquired.frame);
+    const std::span<const OverlayBox> boxes = boxes_over(acquired);
+    for (const OverlayBox& box : boxes) buffer.fill_box(box.pixels, box.left, box.top, box.part);
+    statistics_.overlaid.add(boxes.empty() ? 0 : 1);
     statistics_.copy.record(SteadyClock::now() - begin);
     statistics_.filled.add();
+  }
+  [[nodiscard]] std::span<const OverlayBox> boxes_over(
+      const frames::AcquiredFrame& acquired) const {
+    return options_.overlays ? options_.overlays(acquired) : std::span<const OverlayBox>();
   }
   /// Keeps or releases the frame whose index is next_index_.
   void keep_or_release(const frames::AcquiredFrame& acquired, bool keep) {
@@ -338,6 +346,8 @@ class FrameCopier {
         const frames::FrameView& frame = all.parts.empty() ? all : all.parts[copied_part_];
         if (frame.geometry != copy_into_->geometry()) continue;
         std::copy(frame.bytes.begin(), frame.bytes.end(), copy_into_->bytes().begin());
+        for (const OverlayBox& box : boxes_over(kept_.at(k).acquired))
+          if (box.part == copied_part_) box.copy_into(copy_into_->bytes(), frame.geometry);
         copied_ = true;
       }
       copy_into_ = nullptr;

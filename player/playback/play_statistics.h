@@ -155,6 +155,7 @@ struct FrameCopierCounts {
   Value loops{};     ///< times the sequence was complete
   Value filled{};    ///< frames copied into scan-out memory
   Value released{};  ///< frames returned uncopied because they would have been too late
+  Value overlaid{};  ///< frames copied with overlays
 };
 template <class Value>
 inline constexpr std::pair<const char*, Value FrameCopierCounts<Value>::*> kFrameCopierCounters[] =
@@ -162,6 +163,7 @@ inline constexpr std::pair<const char*, Value FrameCopierCounts<Value>::*> kFram
         {"loops", &FrameCopierCounts<Value>::loops},
         {"frames_copied", &FrameCopierCounts<Value>::filled},
         {"frames_released", &FrameCopierCounts<Value>::released},
+        {"frames_with_overlays", &FrameCopierCounts<Value>::overlaid},
 };
 static_assert(std::size(kFrameCopierCounters<uint64_t>) * sizeof(uint64_t) ==
                   sizeof(FrameCopierCounts<uint64_t>),

@@ -10,6 +10,8 @@
 
 #include "base/live_value.h"
 #include "display/display.h"
+#include "frames/frame_source.h"
+#include "player/playback/overlay.h"
 #include "player/playback/pacing.h"
 #include "player/playback/play_statistics.h"
 #include "player/step/step_pacing.h"
@@ -92,6 +94,9 @@ struct PlaybackOptions {
   StepPacing* step = nullptr;
   /// Tells the sound which frame is displayed; may be null.
   SoundClock* sound = nullptr;
+  /// Returns the boxes to draw over a frame of the source that is not released, until the next
+  /// call. Called on the filling thread; may be null.
+  std::function<std::span<const OverlayBox>(const frames::AcquiredFrame& frame)> overlays = nullptr;
   /// Records the turns of the items; may be null.
   TurnLog* turns = nullptr;
   /// Called on the thread of play() when a turn has begun or ended, except the last end.

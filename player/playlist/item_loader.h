@@ -212,10 +212,12 @@ using JumpDone = std::function<void(const Error* error)>;
 /// Thread safety: the functions are called on any thread, and must not call back into the source.
 struct PlaylistSourceOptions {
   frames::FrameGeometry panel = {};
+  std::vector<frames::FrameGeometry> panels = {};  ///< of a wall; empty for one panel
   ItemOpener open;
   /// The rate at which all items are played, overriding their own.
   std::optional<frames::Rate> rate = std::nullopt;
   std::function<LocalTime()> local_time = local_time_now;
+  std::function<std::time_t()> clock = [] { return std::time(nullptr); };  ///< of overlays
   PlaylistReporter::OnEvent on_event = nullptr;
   /// Returns the state of an item's files; two results are equal as long as no file was replaced.
   /// Replaced files take effect at the item's next loop point. Null: they are not detected.
@@ -234,6 +236,11 @@ struct PlaylistSourceOptions {
   /// The source ends if no item could be played for this long since open_first(); none = it shows
   /// black and waits.
   std::optional<std::chrono::nanoseconds> longest_wait = std::nullopt;
+
+  /// Returns the pictures of a frame that overlays are drawn over.
+  [[nodiscard]] std::span<const frames::FrameGeometry> overlaid_panels() const {
+    return panels.empty() ? std::span(&panel, 1) : std::span(panels);
+  }
 };
 
 /// Thread safety: each function says on which thread it runs. The frame copier is the thread that
@@ -993,6 +1000,11 @@ class ItemLoader {
           .remedy("woven frames fit one panel, pixel for pixel");
     if (source.frame_count() && frame >= *source.frame_count())
       throw no_such_frame(item, frame, *source.frame_count());
+    if (!item.overlays.empty())
+      open->overlays = std::make_unique<OverlaySet>(
+          item.overlays, options_.overlaid_panels(), [this](const Error& error) {
+            reporter_.report({.kind = EventKind::BadOverlay, .detail = with_remedy(error)});
+          });
     return open;
   }
   /// Opens an item that follows another one of `list` (null: by a jump).

@@ -29,6 +29,7 @@ struct OpenItem {
   std::vector<FileMark> files;  ///< state of the files before the item was opened
   OpenedSource opened;
   std::unique_ptr<Transition> transition{};  ///< to this item; null: a cut
+  std::unique_ptr<OverlaySet> overlays{};    ///< null: none
 
   // Changed by the frame copier.
   uint32_t number = 0;  ///< running number over all items that were started

@@ -76,12 +76,14 @@ class Reader {
         items(node, list);
       } else {
         fail_at(key.source().begin.line, fmt::format("unknown key '{}'", key.str().substr(0, 64)),
-                "a list has format, loop, shuffle, transition, transition_seconds, [default] and "
-                "[[item]]");
+                "a list has format, loop, shuffle, transition, transition_seconds, [[overlay]], "
+                "[default] and [[item]]");
       }
     }
     if (list.items.empty()) fail_at(1, "no [[item]]", "an item needs at least source = \"...\"");
     check_transitions(list, root);
+    if (list.standby) share_overlays(list, *list.standby);
+    for (PlaylistItem& item : list.items) share_overlays(list, item);
     return list;
   }
   /// Reads the list of a Looking Glass Studio: an array of {"filename": ...}. Also a
@@ -201,11 +203,13 @@ class Reader {
         item.sound = sound(node);
       else if (key == "volume")
         item.volume_db = decibels(node);
+      else if (key == "overlay")
+        item.overlays = overlays(node);
       else if (!layout_key(key, node, content))
         fail_at(node.source().begin.line, fmt::format("unknown key '{}'", key.substr(0, 64)),
                 "an item has source, loops, duration_s, fps, frames, cut, transition, "
-                "transition_seconds, sound, volume, wait_s, weight, fit, schedule, and the layout "
-                "of its views: grid, stereo, depth...");
+                "transition_seconds, sound, volume, overlay, wait_s, weight, fit, schedule, and "
+                "the layout of its views: grid, stereo, depth...");
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::Input) throw;
       std::string flag = fmt::format("--{} ", key);
@@ -317,9 +321,42 @@ class Reader {
       list.transition = transition(node);
     else if (key == "transition_seconds")
       list.transition_s = seconds(node, kMaxTransitionSeconds);
+    else if (key == "overlay")
+      list.overlays = overlays(node);
     else
       key_.clear();
     return !key_.empty();
+  }
+  [[nodiscard]] std::vector<OverlaySpec> overlays(const toml::node& node) const {
+    const toml::array* const array = node.as_array();
+    if (array == nullptr || !array->is_homogeneous<toml::table>())
+      fail(node, "overlay: not an array of tables", "write [[overlay]] or [[item.overlay]]");
+    std::vector<OverlaySpec> overlays;
+    for (const toml::node& one : *array) {
+      nlohmann::json keys;
+      for (const auto& [key, value] : *one.as_table())
+        if (const auto* const words = value.as_string())
+          keys[std::string(key.str())] = words->get();
+        else
+          keys[std::string(key.str())] = value.value<double>().value_or(NAN);
+      try {
+        overlays.push_back(parse_overlay(keys));
+      } catch (const Error& error) {
+        fail(one, fmt::format("overlay: {}", error.what()), error.hint());
+      }
+      std::string& file = overlays.back().content;
+      if (overlays.back().kind == OverlaySpec::Kind::Picture) file = (folder_ / file).string();
+    }
+    return overlays;
+  }
+  void share_overlays(const Playlist& list, PlaylistItem& item) const {
+    item.overlays_of_list = list.overlays.size();
+    item.overlays.insert(item.overlays.begin(), list.overlays.begin(), list.overlays.end());
+    if (item.overlays.size() > kMaxOverlays)
+      fail_at(1,
+              fmt::format("overlay: {} has {}, with those of the list", item.source.text,
+                          item.overlays.size()),
+              fmt::format("an item has at most {}", kMaxOverlays));
   }
   /// Refuses a duration of a cut. That of a list is allowed, for items that may be added.
   void check_transitions(const Playlist& list, const toml::table& root) const {

@@ -90,11 +90,13 @@ struct PlaylistItem {
   double wait_s = 10.0;  ///< seconds without a frame after which the item is skipped
   std::optional<TransitionKind> transition{};  ///< none: that of the list
   std::optional<double> transition_s{};
-  uint64_t weight = 1;     ///< plays of the item, relative to others of its list
-  std::string fit{};       ///< as --fit; empty: that of the command
-  std::string sound{};     ///< file of the item's sound, "none", or empty: as found
-  double volume_db = 0.0;  ///< volume of its sound
-  PlayState shown{};       ///< state that a test card shows; unused by other items
+  uint64_t weight = 1;                  ///< plays of the item, relative to others of its list
+  std::string fit{};                    ///< as --fit; empty: that of the command
+  std::string sound{};                  ///< file of the item's sound, "none", or empty: as found
+  double volume_db = 0.0;               ///< volume of its sound
+  std::vector<OverlaySpec> overlays{};  ///< those of the list first
+  size_t overlays_of_list = 0;
+  PlayState shown{};  ///< state that a test card shows; unused by other items
 
   friend bool operator==(const PlaylistItem&, const PlaylistItem&) = default;
   [[nodiscard]] bool permitted(LocalTime time) const {
@@ -118,6 +120,7 @@ struct Playlist {
   std::optional<uint64_t> shuffle{};  ///< plays each round in another order, which this seed gives
   TransitionKind transition = TransitionKind::Cut;  ///< default of the items
   double transition_s = 0.5;
+  std::vector<OverlaySpec> overlays{};  ///< of all items, which have them, too
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};
   /// Shows black while no item can be played, because its files may come later.

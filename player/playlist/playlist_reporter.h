@@ -29,6 +29,7 @@ struct PlaylistEvent {
     Waiting,      ///< no item of the list can begin, for the reason in `detail`
     Still,        ///< the film has a single frame, which stays as a picture does
     ItemDamaged,  ///< it was played; some of its frames were damaged, missing or repeated
+    BadOverlay,   ///< an overlay of the item cannot be drawn
   };
   Kind kind = Kind::ItemStarted;
   std::string source{};
@@ -62,6 +63,7 @@ struct PlaylistStatus {
   bool opening = false;                             ///< the target of a jump is being opened
   std::string cued{};                               ///< source of the cued item; empty if none
   std::string interrupted{};  ///< source that continues after the interruption; empty without one
+  std::vector<std::string> overlays{};  ///< words of those over the frame that was taken last
 };
 
 struct SoundAccount {
@@ -81,6 +83,7 @@ struct ItemAccount {
   uint64_t handed_out = 0;        ///< frames, known at the end of the turn
   frames::FrameDamage damage{};
   std::optional<SoundAccount> sound{};  ///< none: the item has no sound
+  std::vector<std::string> overlays{};  ///< words of those that frames of the turn had
 };
 
 /// Thread safety: any thread. Events are sent on the thread that reports them, without a lock.
@@ -196,6 +199,16 @@ class PlaylistReporter {
     account->to_end = to_end;
     account->handed_out = item.handed_out;
   }
+  /// Notes the words of the overlays that frames of the item have from now on.
+  void note_overlays(uint32_t number, std::vector<std::string> words) {
+    const std::lock_guard lock(mutex_);
+    ItemAccount* const account = locked_account(number);
+    for (const std::string& one : words)
+      if (account != nullptr && account->overlays.size() < kMostOverlays &&
+          std::ranges::find(account->overlays, one) == account->overlays.end())
+        account->overlays.push_back(one);
+    status_.overlays = std::move(words);
+  }
   /// Reports the size of a new list, and the place of the playing item in it. A problem of the
   /// replaced list is over.
   void take_list(size_t items, std::optional<size_t> playing) {
@@ -223,7 +236,7 @@ class PlaylistReporter {
  private:
   using EventKind = PlaylistEvent::Kind;
   static constexpr size_t kRememberedItems = 64;
-  static constexpr size_t kMostDamagedItems = 1000, kMostSkippedItems = 1000;
+  static constexpr size_t kMostDamagedItems = 1000, kMostSkippedItems = 1000, kMostOverlays = 32;
   [[nodiscard]] ItemAccount* locked_account(uint32_t number) {
     const auto account = std::ranges::find(begun_, number, &ItemAccount::number);
     return account == begun_.end() ? nullptr : &*account;

@@ -13,7 +13,9 @@
 #include <cstdint>
 #include <cstring>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -42,6 +44,7 @@ class PlaylistSource final : public frames::FrameSource {
         loader_(std::move(list), options_, reporter_, wake_) {
     check(static_cast<bool>(poll_));
     acquired_.reserve(kMaxAcquired);
+    boxes_.reserve((kMaxOverlays + 1) * options_.overlaid_panels().size());
     epoll_event event{.events = EPOLLIN, .data = {.fd = wake_.fd()}};
     check(epoll_ctl(poll_.get(), EPOLL_CTL_ADD, wake_.fd(), &event) == 0);
   }
@@ -75,6 +78,29 @@ class PlaylistSource final : public frames::FrameSource {
   /// Checks the list and item for replaced files at once, and reads the list even if its file is
   /// the same.
   void look_again() { loader_.look_again(); }
+  /// Shows an overlay over all items for so long, instead of an earlier one; null: no overlay.
+  void show_over(std::shared_ptr<OverlaySet> live, std::optional<double> seconds) {
+    const auto end =
+        SteadyClock::now() + std::chrono::duration<double>(seconds.value_or(kUntilEnded));
+    const std::lock_guard lock(live_mutex_);
+    live_ = std::move(live);
+    live_end_ = std::chrono::time_point_cast<SteadyClock::duration>(end);
+  }
+  /// Removes that overlay if its time is over. Returns true if it was there.
+  [[nodiscard]] bool end_overlay() {
+    const std::lock_guard lock(live_mutex_);
+    return SteadyClock::now() >= live_end_ && std::exchange(live_, nullptr) != nullptr;
+  }
+  /// Returns the boxes of a frame that is not released. Thread safety: the frame copier.
+  [[nodiscard]] std::span<const OverlayBox> boxes_over(const frames::AcquiredFrame& frame) {
+    const auto acquired = std::ranges::find(acquired_, frame.token, &Acquired::token);
+    LENTICULE_CHECK(acquired != acquired_.end());
+    const OverlayMoment& moment = acquired->overlays;
+    boxes_.clear();
+    if (moment.set != nullptr) moment.set->draw(frame.frame, moment.due, moment.time, boxes_);
+    if (moment.live) moment.live->draw(frame.frame, ~0U, moment.time, boxes_);
+    return boxes_;
+  }
   [[nodiscard]] PlaylistStatus status() const {
     PlaylistStatus status = reporter_.status();
     loader_.complete(status);
@@ -169,6 +195,7 @@ class PlaylistSource final : public frames::FrameSource {
     uint64_t inner = 0;  ///< token of the item's source, or of its transition
     OpenItem* item = nullptr;
     bool is_blended = false;
+    OverlayMoment overlays{};
   };
   /// KeptFrame is needed for a transition, also when the frame copier has released it.
   struct KeptFrame {
@@ -266,6 +293,7 @@ class PlaylistSource final : public frames::FrameSource {
     item.last_number = out.number;
     out.token = next_token_++;
     out.item = item.number;
+    acquired_.back().overlays = overlays_over(item, out.number);
     reporter_.count_damage(item);
     if (!item.is_placeholder()) give_up_at_.reset();
     drop(last_);
@@ -274,6 +302,26 @@ class PlaylistSource final : public frames::FrameSource {
     item.frames_pulled += stands ? 0 : 1;
     if (item.handed_out == 1) loader_.note_first_frame(item);
     if (starts && !item.is_placeholder()) reporter_.started(item);
+  }
+  /// Returns the overlays of the item's frame `number`, and reports those that begin or end.
+  [[nodiscard]] OverlayMoment overlays_over(const OpenItem& item, uint64_t number) {
+    OverlayMoment moment{.set = item.overlays.get(), .time = options_.clock()};
+    const uint64_t before = item.loops_done * item.opened.source->frame_count().value_or(0);
+    // A step of a transition of a still picture has begun at the end of the one before.
+    const double still = item.blended_s - (item.picture ? 1.0 / rate_->hertz() : 0.0);
+    const double frames = static_cast<double>(before + number) / rate_of(item).hertz();
+    if (moment.set != nullptr) moment.due = moment.set->due_at(still + frames);
+    {
+      const std::lock_guard lock(live_mutex_);
+      if (SteadyClock::now() < live_end_) moment.live = live_;
+    }
+    if (item.handed_out > 1 && moment.same_overlays(shown_)) return moment;
+    shown_ = moment;
+    std::vector<std::string> words;
+    if (moment.set != nullptr) moment.set->add_words(moment.due, words);
+    if (moment.live) moment.live->add_words(~0U, words);
+    reporter_.note_overlays(item.number, std::move(words));
+    return moment;
   }
   void give_back(uint64_t token) {
     const auto acquired = std::find_if(acquired_.begin(), acquired_.end(),
@@ -530,6 +578,11 @@ class PlaylistSource final : public frames::FrameSource {
   std::unique_ptr<OpenItem> current_;
   std::vector<std::unique_ptr<OpenItem>> retired_;  ///< items with frames that are still borrowed
   std::vector<Acquired> acquired_;
+  std::vector<OverlayBox> boxes_;
+  OverlayMoment shown_;    ///< that of the frame taken last
+  std::mutex live_mutex_;  ///< guards the two members below
+  std::shared_ptr<OverlaySet> live_;
+  SteadyClock::time_point live_end_;
   std::optional<KeptFrame> last_;  ///< the last frame, in a list with transitions
   std::optional<KeptFrame> held_;  ///< during a transition: the last frame of the item before
   bool keeps_last_ = false;

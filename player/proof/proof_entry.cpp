@@ -38,6 +38,7 @@ constexpr std::array kTexts = std::to_array<Text>({
     {"LENTICULE_PANEL", &ProofEntry::panel, kMaxTextBytes},
     {"LENTICULE_EXACTNESS", &ProofEntry::exactness, kMaxTextBytes},
     {"LENTICULE_SOUND_DEVICE", &ProofEntry::sound_device, kMaxTextBytes},
+    {"LENTICULE_OVERLAYS", &ProofEntry::overlays, kMaxItemBytes},
 });
 
 template <class Value>

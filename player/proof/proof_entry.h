@@ -43,6 +43,7 @@ struct ProofEntry {
   uint64_t heard_ms = 0;       ///< time in which the item's sound was heard
   uint64_t silent_ms = 0;      ///< time in which it was due, and could not be heard
   std::string sound_device{};  ///< the last one; empty if there was none, or the item has no sound
+  std::string overlays{};      ///< words of those over its frames so far; empty: none
   uint64_t process_start = 0;  ///< see process_start_of()
 
   friend bool operator==(const ProofEntry&, const ProofEntry&) = default;

@@ -201,6 +201,7 @@ class ProofOfPlay {
       if (!sound->device.empty()) span.sound_device = sound->device;
       open.written_sound = *sound;
     }
+    span.overlays = fmt::format("{}", fmt::join(open.account.overlays, "; "));
     span.exactness = worse_exactness(span.exactness, panel.exactness);
     open.counted = turn;
   }

@@ -82,6 +82,7 @@ class PlayControls final : public ControlTarget {
       plan_.sound->set_volume(request.volume_db);
       return answer(ordered_json{{"db", request.volume_db}});
     }
+    if (verb == "overlay") return answer_later([this, request] { return show_over(request); });
     if (verb == "power") return answer_later([this, request] { return switch_output(request.on); });
     if (verb == "loop") return answer(set_loops(request.loops));
     if (verb == "trim") return answer_later([this, request] { return change_trim(request); });
@@ -118,6 +119,11 @@ class PlayControls final : public ControlTarget {
   void report_state(const PlayState& run) {
     const std::lock_guard lock(mutex_);
     run_ = run;
+  }
+  /// Call it about once a second: ends an overlay whose time is over.
+  void end_overlay() {
+    const std::lock_guard lock(mutex_);
+    if (source_ != nullptr && source_->end_overlay()) locked_show_again();
   }
   /// Returns the state of the player, whose run and list have these.
   [[nodiscard]] PlayState state_with(const PlayState& run, const PlayState& list) const {
@@ -212,6 +218,7 @@ class PlayControls final : public ControlTarget {
         json[key] = text.empty() ? ordered_json(nullptr) : ordered_json(text);
       json["items_skipped"] = status.skipped;
       json["last_problem"] = status.last_problem;
+      json["overlays"] = status.overlays;
       if (status.live) json["live"] = to_json(*status.live);
       json.update(to_json(status.damage));
     }
@@ -391,6 +398,24 @@ class PlayControls final : public ControlTarget {
     if (source_ != nullptr) source_->set_speed(permille / 1000.0);
     return {{"factor", permille / 1000.0}};
   }
+  /// Shows the frame of a paused player again, with other overlays.
+  void locked_show_again() {
+    const DisplayedPlace displayed = playback_.displayed();
+    const auto item = source_->account_of(static_cast<uint32_t>(displayed.item));
+    if (playback_.paused() && item && item->index)
+      source_->jump({.item = static_cast<int64_t>(*item->index), .frame = displayed.number},
+                    [](const Error*) {});
+  }
+  [[nodiscard]] nlohmann::ordered_json show_over(const ControlRequest& request) {
+    const std::optional<OverlaySpec>& overlay = request.overlay;
+    std::shared_ptr<OverlaySet> set;
+    if (overlay)
+      set = std::make_shared<OverlaySet>(std::span(&*overlay, 1), plan_.context.pictures());
+    const std::lock_guard lock(mutex_);
+    steered().show_over(std::move(set), overlay ? overlay->for_s : std::nullopt);
+    locked_show_again();
+    return {{"overlay", overlay ? ordered_json(to_string(*overlay)) : ordered_json(nullptr)}};
+  }
   /// Switches the output. Without a panel, the panel is switched when it is there.
   [[nodiscard]] nlohmann::ordered_json switch_output(bool on) {
     const bool done = playback_.switch_output(on, kLongestSwitch);
@@ -542,13 +567,14 @@ class SteeredPlay {
         std::make_shared<const Playlist>(read_playlist(plan_.source, flags_, plan_)),
         PlaylistSourceOptions{
             .panel = plan_.context.panel,
+            .panels = plan_.context.pictures(),
             .open =
                 [first, open = item_opener(plan_)](const PlaylistItem& item, uint64_t frame) {
                   return first->source ? std::exchange(*first, {}) : open(item, frame);
                 },
             .rate = plan_.playback.content,
             .on_event = [this](const PlaylistEvent& event) { on_item(event); },
-            .marks_of = [](const PlaylistItem& item) { return marks_of_source(item.source); },
+            .marks_of = marks_of_item,
             .read_list =
                 [this](const std::string& name) {
                   return read_playlist(parse_source(name), flags_, plan_);
@@ -573,6 +599,7 @@ class SteeredPlay {
     report_state({});
     if (source_ == nullptr) return;
     source_->set_display_rate(refresh);
+    options.overlays = [source = source_](const auto& frame) { return source->boxes_over(frame); };
     options.loops = 1;  // the list counts the loops itself
     if (!controls_) return;
     options.control = &controls_->playback();
@@ -596,6 +623,7 @@ class SteeredPlay {
   void report(const PlayReport& report) {
     const auto now = std::chrono::steady_clock::now();
     if (controls_ && !server_ && listening_.due(now)) listen();
+    if (controls_) controls_->end_overlay();
     (void)pace_.look(report, now);
     if (const auto warning = pace_.warning(now)) {
       say("{}\n", *warning);
@@ -664,6 +692,13 @@ class SteeredPlay {
     return std::filesystem::is_directory(file.has_parent_path() ? file.parent_path() : ".", error);
   }
 
+  static std::vector<FileMark> marks_of_item(const PlaylistItem& item) {
+    std::vector<FileMark> marks = marks_of_source(item.source);
+    for (const OverlaySpec& overlay : item.overlays)
+      if (overlay.kind == OverlaySpec::Kind::Picture) marks.push_back(mark_of(overlay.content));
+    return marks;
+  }
+
   /// Returns true if the source is a file that is shown again, which may be replaced meanwhile.
   static bool is_followed(const PlayPlan& plan) {
     return plan.playback.loops != 1 && !marks_of_source(plan.source).empty();
@@ -711,6 +746,9 @@ class SteeredPlay {
         return complain("taken for a picture", event);
       case Kind::ItemSkipped:
         publish({{"event", "bad_item"}, {"source", event.source}, {"cause", event.detail}});
+        return complain("left out", event);
+      case Kind::BadOverlay:
+        publish({{"event", "bad_overlay"}, {"cause", event.detail}});
         return complain("left out", event);
       case Kind::Kept:
         publish({{"event", "not_replaced"}, {"source", event.source}, {"cause", event.detail}});

@@ -61,6 +61,13 @@ struct OpenContext {
   /// carry their numbers.
   uint64_t first_frame = 0;
   bool plays_again = false;  ///< keeps frames for the next loop if they fit
+
+  /// Returns the sizes of the pictures of a frame: one, or one for each panel of a wall.
+  [[nodiscard]] std::vector<frames::FrameGeometry> pictures() const {
+    std::vector<frames::FrameGeometry> sizes;
+    for (const WallPart& part : wall) sizes.push_back(part.panel);
+    return sizes.empty() ? std::vector{panel} : sizes;
+  }
 };
 
 struct OpenedSource {

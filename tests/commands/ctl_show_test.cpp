@@ -36,6 +36,57 @@ TEST_F(CtlShow, AnInterruptionIsPlayedOnceAndThenTheListContinues) {
   expect_end(ctl({"back"}), 1, "nothing is interrupted");
 }
 
+TEST_F(CtlShow, AnOverlayIsShownReplacedAndRemovedAlsoWhilePaused) {
+  write_picture("logo.png", 222, {.width = 9, .height = 5});
+  ASSERT_TRUE(asked({"pause"}).is_object());
+  ASSERT_TRUE(asked({"seek", "--frame", "1"}).is_object());
+  ASSERT_TRUE(comes_true([this] { return displayed_level() == 11; }));
+  EXPECT_EQ(status()["overlays"], json::array());
+  const std::string logo = "picture " + path("logo.png") + ", top left";
+  EXPECT_EQ(asked({"overlay", "--picture", path("logo.png"), "--at", "top left"})["overlay"], logo);
+  ASSERT_TRUE(comes_true([this] { return displayed_level() == -1; }));
+  const frames::WovenFrame snap = frames::read_woven(path("snap.png"));
+  int overlaid = 0;
+  for (const uint8_t byte : snap.bytes()) {
+    EXPECT_TRUE(byte == 222 || byte == 11);
+    overlaid += byte == 222 ? 1 : 0;
+  }
+  EXPECT_EQ(overlaid, 9 * 5 * 3);
+  EXPECT_EQ(status()["overlays"], json::array({logo}));
+  EXPECT_EQ(asked({"overlay", "--text", "x", "--at", "middle"})["overlay"], "text x, middle");
+  EXPECT_TRUE(comes_true([this] { return says_about("overlays", "text x"); }));
+  EXPECT_EQ(asked({"overlay", "--off"})["overlay"], nullptr);
+  EXPECT_TRUE(comes_true([this] { return displayed_level() == 11; }));
+  ASSERT_TRUE(asked({"overlay", "--text", "x", "--for", "5"}).is_object());
+  EXPECT_TRUE(comes_true([this] { return says_about("overlays", "text x"); }));
+  EXPECT_TRUE(comes_true([this] { return displayed_level() == 11; }));
+  EXPECT_EQ(status()["overlays"], json::array());
+  ASSERT_TRUE(asked({"play"}).is_object());
+  ASSERT_TRUE(asked({"overlay", "--clock", "%H:%M", "--for", "0.2"}).is_object());
+  EXPECT_TRUE(comes_true([this] { return status()["overlays"] == json::array(); }));
+  EXPECT_TRUE(comes_true(
+      [this] { return asked({"stats"})["statistics"].value("frames_with_overlays", 0) > 2; }));
+  expect_end(ctl({"overlay", "--picture", path("gone.png")}), 1, "gone.png");
+  expect_end(ctl({"overlay", "--text", "\xc3\xbc"}), 2, "the font has no letter");
+  expect_end(ctl({"overlay"}), 2, "nothing to show");
+}
+
+TEST_F(CtlShow, AnOverlayThatCannotBeDrawnIsReportedOnceAndTheFilmPlays) {
+  write("overlaid.toml",
+        "loop = 2\n[[overlay]]\npicture = \"gone.png\"\n[[overlay]]\ntext = \"x\"\n"
+        "[[item]]\nsource = \"film.lts\"\n[[item]]\nsource = \"alarm.lts\"\n");
+  const std::vector<std::string> words = {
+      "play",      path("overlaid.toml"), "--rig", path("rig.toml"),
+      "--display", "virtual:48x32@60",    "--json"};
+  const ProcessResult played = run(joined(words, {"--clock", "simulated"}));
+  expect_end(played, 0, "left out: " + path("gone.png"));
+  EXPECT_EQ(played.err.find("left out", played.err.find("left out") + 8), std::string::npos);
+  const json stats = json::parse(played.out);
+  EXPECT_GT(stats["shown"], 0);
+  EXPECT_EQ(stats["frames_with_overlays"], stats["shown"]);
+  EXPECT_EQ(run(joined(words, {"--preflight"})).exit_code, 4);
+}
+
 TEST_F(CtlShow, ABlankPanelIsBlackUntilBack) {
   ASSERT_TRUE(asked({"blank"}).is_object());
   EXPECT_TRUE(comes_true([this] { return says_about("displayed", "black"); }));

@@ -256,6 +256,25 @@ void declare_fields(CLI::App& app, std::string_view verb, CtlFlags& flags) {
                       "change the offset by so many lenses, such as 0.02");
     add_field<double>(app, request, "--pitch-by", "pitch_by",
                       "change the pitch by a fraction, such as 1e-5");
+  } else if (verb == "overlay") {
+    const auto put_picture = [&request](const std::string& file) {
+      request["picture"] = std::filesystem::absolute(file).string();
+    };
+    app.add_option_function<std::string>("--picture", put_picture, "picture with its alpha")
+        ->type_name("FILE");
+    add_field<std::string>(app, request, "--text", "text", "caption")->type_name("TEXT");
+    add_field<std::string>(app, request, "--clock", "clock", "time, such as %H:%M (strftime)")
+        ->type_name("FORMAT");
+    add_field<std::string>(app, request, "--code", "code", "QR code of a text")->type_name("TEXT");
+    add_field<std::string>(app, request, "--at", "at", "one of nine places, such as \"top left\"")
+        ->type_name("PLACE")
+        ->default_str("bottom right");
+    add_field<double>(app, request, "--height", "height",
+                      "of the picture, a line or the code, as a part of the panel's")
+        ->type_name("PART");
+    add_field<double>(app, request, "--for", "for_s", "then without it")->type_name("SECONDS");
+    app.add_flag_callback(
+        "--off", [&request] { request["off"] = true; }, "without an overlay of this command");
   } else if (verb == "snapshot") {
     const auto put = [&request](const std::string& file) {
       request["file"] = std::filesystem::absolute(file).string();
@@ -301,6 +320,8 @@ const std::vector<VerbHelp>& verb_helps() {
       {"speed", "play at a multiple of the content's rate", "0.5"},
       {"power", "switch the output off or on", "off"},
       {"volume", "set the volume of the sound", "-- -20"},
+      {"overlay", "show a text, a picture, a clock or a code over what is played",
+       "--text Closed --at top --for 30"},
       {"trim", "correct drift since the calibration", "--offset-by 0.02"},
       {"snapshot", "write the displayed frame to a picture", "shown.png"},
       {"list", "print the items of the list that is played"},

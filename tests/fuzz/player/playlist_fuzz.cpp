@@ -15,7 +15,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   try {
     const Playlist list = parse_playlist(text, name, "/folder");
     LENTICULE_CHECK(!list.items.empty() && list.items.size() <= kMaxPlaylistItems);
-    for (const PlaylistItem& item : list.items) LENTICULE_CHECK(!item.source.text.empty());
+    for (const PlaylistItem& item : list.items) {
+      LENTICULE_CHECK(!item.source.text.empty() && item.overlays.size() <= kMaxOverlays);
+      for (const OverlaySpec& overlay : item.overlays)
+        LENTICULE_CHECK(parse_overlay(overlays_json({&overlay, 1}).front()) == overlay);
+    }
     std::optional<size_t> at;
     int64_t rounds = 0;
     for (int step = 0; step < 100; ++step) {

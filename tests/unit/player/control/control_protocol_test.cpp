@@ -28,6 +28,17 @@ std::string complaint(const std::string& line, json* id = nullptr) {
   return "none";
 }
 
+TEST(ControlProtocol, AnOverlayIsCompleteOrRefused) {
+  for (const auto& [line, cause] :
+       {std::pair(R"({"do":"overlay"})", "nothing to show"),
+        {R"({"do":"overlay","off":false})", "off: "},
+        {R"({"do":"overlay","off":true,"text":"a"})", "off: "},
+        {R"({"do":"overlay","text":"a","from_s":1})", "unknown field 'from_s'"},
+        {R"({"do":"overlay","picture":"a.png"})", "file: not an absolute path"},
+        {R"({"do":"overlay","text":"a","for_s":-1})", "for_s: not a number above 0"}})
+    EXPECT_THAT(complaint(line), testing::HasSubstr(cause)) << line;
+}
+
 TEST(ControlProtocol, EveryVerbHasItsFields) {
   EXPECT_EQ(parse(R"({"id":7,"do":"status"})").verb, "status");
   EXPECT_EQ(parse(R"({"id":7,"do":"status"})").id, 7);
@@ -54,6 +65,15 @@ TEST(ControlProtocol, EveryVerbHasItsFields) {
   EXPECT_EQ(parse(R"({"do":"speed","factor":0.5})").speed_permille, 500u);
   EXPECT_FALSE(parse(R"({"do":"power","to":"off"})").on);
   EXPECT_TRUE(parse(R"({"do":"power","to":"on"})").on);
+  const ControlRequest overlay =
+      parse(R"({"id":1,"do":"overlay","text":"Closed","at":"top","height":0.1,"for_s":30})");
+  EXPECT_EQ(overlay.overlay, (OverlaySpec{.kind = OverlaySpec::Kind::Text,
+                                          .content = "Closed",
+                                          .place = 1,
+                                          .height = 0.1,
+                                          .for_s = 30.0}));
+  EXPECT_EQ(parse(R"({"do":"overlay","off":true})").overlay, std::nullopt);
+  EXPECT_EQ(parse(R"({"do":"overlay","picture":"/a.png"})").overlay->content, "/a.png");
   for (const char* name : {"back", "blank", "go", "play", "pause", "next", "previous", "stats",
                            "doctor", "subscribe", "quit"})
     EXPECT_EQ(parse(std::string(R"({"do":")") + name + "\"}").verb, name);

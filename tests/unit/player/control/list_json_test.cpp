@@ -15,6 +15,8 @@ TEST(ListJson, HasTheKeysOfTheFile) {
 loop = "forever"
 shuffle = 5
 transition = "fade"
+[[overlay]]
+picture = "logo.png"
 [default]
 source = "card"
 [[item]]
@@ -37,6 +39,12 @@ volume = -6
 weight = 3
 transition = "cross"
 transition_seconds = 1.5
+[[item.overlay]]
+text = "Room 2"
+at = "top"
+height = 0.1
+from_s = 5
+for_s = 10
 [item.schedule]
 days = ["mon", "sun"]
 from = "08:30"
@@ -69,6 +77,12 @@ except = ["2026-12-24"]
   EXPECT_EQ(json["items"][2]["weight"], 3);
   EXPECT_EQ(json["items"][2]["sound"], "/films/clip.opus");
   EXPECT_EQ(json["items"][2]["volume"], -6.0);
+  EXPECT_EQ(json["overlay"],
+            ordered_json::parse(R"([{"picture":"/films/logo.png","at":"bottom right"}])"));
+  EXPECT_FALSE(json["items"][0].contains("overlay")) << "it has that of the list";
+  EXPECT_EQ(json["items"][2]["overlay"],
+            ordered_json::parse(
+                R"([{"text":"Room 2","at":"top","height":0.1,"from_s":5.0,"for_s":10.0}])"));
   EXPECT_EQ(json["shuffle"], 5);
   EXPECT_EQ(json["transition"], "fade");
   EXPECT_EQ(json["transition_seconds"], 0.5);

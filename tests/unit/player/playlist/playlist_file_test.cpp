@@ -172,6 +172,36 @@ transition = "cut"
   EXPECT_FALSE(parse("[[item]]\nsource = \"/a.lts\"\n").has_transitions());
 }
 
+TEST(PlaylistFile, AnItemHasTheOverlaysOfTheListAndItsOwn) {
+  const Playlist list = parse(R"(
+[[overlay]]
+picture = "logo.png"
+height = 0.08
+[default]
+source = "card"
+[[item]]
+source = "a.lts"
+[[item]]
+source = "b.lts"
+[[item.overlay]]
+text = "Room 2"
+at = "top left"
+from_s = 5
+for_s = 10
+)");
+  const OverlaySpec logo{.content = "/films/logo.png", .height = 0.08};
+  EXPECT_EQ(list.overlays, std::vector{logo});
+  EXPECT_EQ(list.standby->overlays, std::vector{logo});
+  EXPECT_EQ(list.items[0].overlays, std::vector{logo});
+  const OverlaySpec text{.kind = OverlaySpec::Kind::Text,
+                         .content = "Room 2",
+                         .place = 0,
+                         .from_s = 5.0,
+                         .for_s = 10.0};
+  EXPECT_EQ(list.items[1].overlays, (std::vector{logo, text}));
+  EXPECT_EQ(list.items[1].overlays_of_list, 1U);
+}
+
 TEST(PlaylistFile, AnItemStatesItsLayoutAsTheFlagsDo) {
   const Playlist list = parse(R"([[item]]
 source = "a.png"
@@ -293,6 +323,17 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
               testing::HasSubstr(":3: transition_seconds: /films/a.png follows by a cut"));
   EXPECT_THAT(complaint(item + "transition_seconds = 0\n"),
               testing::HasSubstr(":3: transition_seconds: not a number of seconds"));
+  EXPECT_EQ(complaint(item + "overlay = \"logo.png\"\n"),
+            "list.toml:3: overlay: not an array of tables");
+  EXPECT_THAT(complaint("[[overlay]]\ntext = \"a\"\nfrom_s = -1\n" + item),
+              testing::StartsWith("list.toml:1: overlay: from_s: not a number"));
+  EXPECT_THAT(complaint(item + "[[item.overlay]]\nclock = 1979-05-27\n"),
+              testing::StartsWith("list.toml:3: overlay: clock: not a text"));
+  std::string nine = item;
+  for (int n = 0; n < 8; ++n) nine += "[[item.overlay]]\ntext = \"a\"\n";
+  EXPECT_EQ(complaint(nine), "none");
+  EXPECT_THAT(complaint("[[overlay]]\ntext = \"a\"\n" + nine),
+              testing::HasSubstr("overlay: /films/a.png has 9, with those of the list"));
   EXPECT_THAT(complaint(item + "aspect = inf\n"),
               testing::HasSubstr(":3: aspect: not a number above 0"));
   EXPECT_THAT(complaint("shuffle = \"yes\"\n" + item),

@@ -19,6 +19,7 @@ ProofEntry full_entry() {
   entry.heard_ms = 8;
   entry.silent_ms = 9;
   entry.sound_device = "plughw:0,3";
+  entry.overlays = "picture logo.png, top; text Room 2, bottom";
   return entry;
 }
 
@@ -46,9 +47,11 @@ TEST(ProofEntry, IsReadAsItWasWritten) {
   EXPECT_EQ(parsed(journal_fields(unknown_hash)), unknown_hash);
 }
 
-TEST(ProofEntry, SaysNothingOfTheSoundOfAnItemWithoutSound) {
-  for (const std::string& field : journal_fields(whole_play(1, "a.lts")))
+TEST(ProofEntry, SaysNothingOfSoundAndOverlaysThatAnItemDoesNotHave) {
+  for (const std::string& field : journal_fields(whole_play(1, "a.lts"))) {
     EXPECT_FALSE(field.starts_with("LENTICULE_SOUND_")) << field;
+    EXPECT_FALSE(field.starts_with("LENTICULE_OVERLAYS")) << field;
+  }
 }
 
 TEST(ProofEntry, HasAMessageForPeopleInOneLine) {
@@ -60,7 +63,8 @@ TEST(ProofEntry, HasAMessageForPeopleInOneLine) {
 
 TEST(ProofEntry, RefusesEachMissingField) {
   for (const std::string name : proof_field_names()) {
-    const bool may_be_missing = name == "LENTICULE_HASH" || name.starts_with("LENTICULE_SOUND_");
+    const bool may_be_missing = name == "LENTICULE_HASH" || name == "LENTICULE_OVERLAYS" ||
+                                name.starts_with("LENTICULE_SOUND_");
     EXPECT_EQ(parsed(with(name, "")).has_value(), may_be_missing) << name;
   }
 }

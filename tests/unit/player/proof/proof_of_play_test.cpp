@@ -118,6 +118,19 @@ TEST_F(Proof, EachEntryHasTheSoundSinceTheOneBefore) {
   EXPECT_EQ(last().sound_device, "");
 }
 
+TEST_F(Proof, TheEntryOfATurnThatEndsHasTheOverlaysThatItsFramesHad) {
+  account(1, "a.lts");
+  account(2, "b.lts");
+  flip(1, 0, 1000);
+  update();
+  accounts[1].overlays = {"picture logo.png, top", "text Closed, middle"};
+  flip(2, 0, 2000);
+  update();
+  ASSERT_EQ(entries.size(), 3u);
+  EXPECT_EQ(entries[1].overlays, "picture logo.png, top; text Closed, middle");
+  EXPECT_EQ(entries[2].overlays, "");
+}
+
 TEST_F(Proof, ManyShortTurnsBetweenTwoCallsAreAllWritten) {
   for (uint64_t item = 1; item <= TurnLog::kKept; ++item) {
     account(item, "a");
