@@ -169,6 +169,9 @@ TEST_F(Web, PathsLeadNowhereElse) {
   const ordered_json list = api("GET", "list");
   const std::string outside = R"({"items": [{"source": ")" + path("secret.lts") + R"("}]})";
   EXPECT_EQ(ask("PUT", "/api/v1/list", outside).status, 422);
+  const std::string pictured = R"({"overlay": [{"picture": ")" + path("secret.png") +
+                               R"("}], "items": [{"source": "card"}]})";
+  EXPECT_EQ(ask("PUT", "/api/v1/list", pictured).status, 422);
   EXPECT_EQ(api("GET", "list")["items"], list["items"]);
 }
 

@@ -49,6 +49,8 @@ class PlayList {
       } else if (key == "shuffle") {
         if (value != false)
           toml += "shuffle = " + (value == true ? truth(key, value) : number(key, value)) + "\n";
+      } else if (key == "overlay") {
+        toml += "overlay = " + overlays(key, value) + "\n";
       } else if (key == "default") {
         if (!value.is_null()) standby = "\n[default]\n" + item_toml(value);
       } else if (key == "items") {
@@ -144,12 +146,9 @@ class PlayList {
     std::error_code error;
     if (std::filesystem::is_directory(name, error))
       return false;  // a file that is deleted leaves this list
-    const auto is_file = [&](const ordered_json& item) {
-      return item.is_object() && item.contains("source") &&
-             std::filesystem::equivalent(item["source"].get<std::string>(), file, error);
-    };
-    return is_file(list.value("default", ordered_json())) ||
-           std::any_of(list["items"].begin(), list["items"].end(), is_file);
+    return std::ranges::any_of(files_of(list), [&](const std::string& one) {
+      return std::filesystem::equivalent(one, file, error);
+    });
   }
 
  private:
@@ -202,6 +201,22 @@ class PlayList {
       toml += (toml.size() > 1 ? ", " : "") + quoted(key, text);
     return toml + "]";
   }
+  static std::string overlays(const std::string& key, const ordered_json& value) {
+    if (!value.is_array() || value.size() > kMaxItems) refuse(key + ": not a list of overlays");
+    std::string toml = "[";
+    for (const ordered_json& overlay : value) {
+      if (!overlay.is_object()) refuse(key + ": not a list of objects");
+      toml += toml.size() > 1 ? ", {" : "{";
+      for (const auto& [name, part] : overlay.items()) {
+        if (name.find_first_not_of("abcdefghijklmnopqrstuvwxyz_") != std::string::npos)
+          refuse(fmt::format("{}: unknown key '{}'", key, shortened(escaped(name), 60)));
+        toml += (toml.back() == '{' ? "" : ", ") + name + " = " +
+                (part.is_string() ? quoted(name, part) : number(name, part));
+      }
+      toml += "}";
+    }
+    return toml + "]";
+  }
   static std::string schedule_toml(const ordered_json& schedule) {
     if (!schedule.is_object()) refuse("schedule: not an object");
     std::string toml = "[item.schedule]\n";
@@ -231,6 +246,7 @@ class PlayList {
                          : kNumbers.contains(key) ? number
                          : kTruths.contains(key)  ? truth
                          : key == "loops"         ? loops
+                         : key == "overlay"       ? overlays
                                                   : nullptr;
       if (write != nullptr)
         toml += key + " = " + write(key, value) + "\n";
@@ -242,29 +258,38 @@ class PlayList {
     return toml + schedule;
   }
 
-  /// Throws HttpError 422 if a new item is neither a file of the media folder nor made by the
-  /// player. Items that the list has already may stay.
+  /// Returns the sources of the list's items and the pictures of its overlays.
+  static std::vector<std::string> files_of(const ordered_json& list) {
+    std::vector<std::string> files;
+    const auto add = [&files](const ordered_json& entry, const char* key) {
+      const bool has = entry.is_object() && entry.contains(key) && entry[key].is_string();
+      if (has) files.push_back(entry[key].get<std::string>());
+    };
+    const auto add_all = [&add](const ordered_json& entry) {
+      add(entry, "source");
+      if (!entry.is_object() || !entry.contains("overlay")) return;
+      for (const ordered_json& overlay : entry["overlay"]) add(overlay, "picture");
+    };
+    add_all(list);
+    add_all(list.value("default", ordered_json()));
+    for (const ordered_json& item : list["items"]) add_all(item);
+    return files;
+  }
+
+  /// Throws HttpError 422 if a new item or picture of an overlay is neither a file of the media
+  /// folder nor made by the player. Those that the list has already may stay.
   static void require_own_sources(const ordered_json& list, const ordered_json& now,
                                   const std::filesystem::path& media) {
     std::vector<std::string> known = {"black", "card", "views"};
-    const auto source_of = [](const ordered_json& item) {
-      const bool has = item.is_object() && item.contains("source") && item["source"].is_string();
-      return has ? item["source"].get<std::string>() : std::string();
-    };
-    for (const ordered_json& item : now["items"]) known.push_back(source_of(item));
-    known.push_back(source_of(now["default"]));
-    const auto require = [&](const ordered_json& item) {
-      const std::string source = source_of(item);
-      const std::filesystem::path file(source);
-      if (std::find(known.begin(), known.end(), source) != known.end()) return;
-      if (file.parent_path() == media && is_media_name(file.filename().native()) &&
-          !source.ends_with(".toml"))
-        return;
-      refuse(fmt::format("source '{}': not a file of the media folder",
-                         shortened(escaped(source), 100)));
-    };
-    for (const ordered_json& item : list["items"]) require(item);
-    if (list.contains("default") && !list["default"].is_null()) require(list["default"]);
+    for (std::string& file : files_of(now)) known.push_back(std::move(file));
+    for (const std::string& name : files_of(list)) {
+      const std::filesystem::path file(name);
+      const bool own = file.parent_path() == media && !name.ends_with(".toml") &&
+                       is_media_name(file.filename().native());
+      if (!own && std::find(known.begin(), known.end(), name) == known.end())
+        refuse(fmt::format("source '{}': not a file of the media folder",
+                           shortened(escaped(name), 100)));
+    }
   }
 
   /// Returns a name for the present content, which changes with it.
@@ -301,11 +326,12 @@ class PlayList {
         {"shuffle", list.value("shuffle", ordered_json(false))},
         {"transition", list.value("transition", ordered_json("cut"))},
         {"transition_seconds", list.value("transition_seconds", ordered_json(0.5))},
+        {"overlay", list.value("overlay", ordered_json::array())},
         {"default", list.value("default", ordered_json())},
         {"items", list["items"]}};
-    result["version"] =
-        version_of({result["loop"], result["shuffle"], result["transition"],
-                    result["transition_seconds"], result["default"], result["items"]});
+    result["version"] = version_of({result["loop"], result["shuffle"], result["transition"],
+                                    result["transition_seconds"], result["overlay"],
+                                    result["default"], result["items"]});
     // Without a list, the source that plays becomes the first item of own_file_.
     const std::filesystem::path file =
         result["file"].is_string() ? std::filesystem::path(result["file"].get<std::string>())

@@ -106,6 +106,7 @@ function describe(item) {
   if (item.loops !== undefined) parts.push(item.loops === "forever" ? "forever" : item.loops === 1 ? "once" : `${item.loops} times`);
   if (item.duration_s !== undefined) parts.push(`${item.duration_s} s`);
   if (item.transition) parts.push(`begins with a ${TRANSITIONS[item.transition]}`);
+  if (item.overlay) parts.push(count(item.overlay.length, "overlay"));
   if (item.schedule) parts.push(`${item.schedule.days.join(" ")} ${item.schedule.from} to ${item.schedule.to}`);
   return parts.join(", ");
 }
@@ -204,7 +205,7 @@ $("save").onclick = async () => {
   tell("Saving; the player checks the list.");
   const done = await attempt(() => api("PUT", "list",
     { version: saved.version, loop: saved.loop, shuffle: saved.shuffle, transition: $("transition").value,
-      transition_seconds: saved.transition_seconds, default: saved.default, items }).catch((error) => {
+      transition_seconds: saved.transition_seconds, overlay: saved.overlay, default: saved.default, items }).catch((error) => {
     if (error.status === 409 && saved.editable) changedBy = "Somebody";
     throw error;
   }));

@@ -39,6 +39,19 @@ TEST(WebListToml, WritesTheKeysOfAListAndNothingElse) {
             "days = [\"mon\"]\nfrom = \"08:30\"\nto = \"18:00\"\n");
 }
 
+TEST(WebListToml, OverlaysAreKept) {
+  const std::string toml = PlayList::list_toml(
+      {{"overlay", {{{"picture", "/m/logo.png"}, {"at", "bottom right"}, {"height", 0.08}}}},
+       {"items",
+        {{{"source", "/m/a.lts"},
+          {"overlay", {{{"text", "Room \"2\""}, {"from_s", 5}}, {{"clock", "%H:%M"}}}}}}}});
+  EXPECT_EQ(toml,
+            "# Written by lenticule-web.\nformat = 1\n"
+            "overlay = [{picture = \"/m/logo.png\", at = \"bottom right\", height = 0.08}]\n\n"
+            "[[item]]\nsource = \"/m/a.lts\"\n"
+            "overlay = [{text = \"Room \\\"2\\\"\", from_s = 5}, {clock = \"%H:%M\"}]\n");
+}
+
 TEST(WebListToml, ATextCannotAddKeys) {
   const std::string toml = PlayList::list_toml(
       {{"items", {{{"source", "a\"\nloops = \"forever\"\n[[item]]\nsource = \"\\"}}}}});
@@ -60,7 +73,11 @@ TEST(WebListToml, UnknownKeysAndWrongTypesAreRefused) {
         R"({"shuffle": "yes", "items": [{"source": "a"}]})",
         R"({"transition": 1, "items": [{"source": "a"}]})",
         R"({"items": [{"source": "a", "transition_seconds": "1"}]})",
-        R"({"items": [{"source": "a", "schedule": {"x": "y"}}]})"})
+        R"({"items": [{"source": "a", "schedule": {"x": "y"}}]})",
+        R"({"overlay": {"text": "a"}, "items": [{"source": "a"}]})",
+        R"({"overlay": [{"text": [1]}], "items": [{"source": "a"}]})",
+        R"({"overlay": [{"t = 1, u": "a"}], "items": [{"source": "a"}]})",
+        R"({"items": [{"source": "a", "overlay": ["a"]}]})"})
     EXPECT_THROW((void)PlayList::list_toml(ordered_json::parse(wrong)), HttpError) << wrong;
   ordered_json many = {{"items", ordered_json::array()}};
   for (int k = 0; k < 1001; ++k) many["items"].push_back({{"source", "a"}});
