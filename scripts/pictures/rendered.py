@@ -151,6 +151,33 @@ def content(studio):
                   [("woven frame, enlarged", detail), ("left eye", eyes[0]), ("right eye", eyes[1])]])
 
 
+def overlays(studio):
+    """A film with four overlays, as an eye sees it."""
+    y, x = numpy.indices((300, 300)) - 149.5
+    radius = numpy.hypot(x, y)
+    logo = numpy.zeros((300, 300, 4), numpy.uint8)
+    logo[..., :3] = numpy.where((numpy.abs(x + y) < 40)[..., None], (255, 255, 255), (240, 120, 20))
+    logo[..., 3] = (255 * numpy.clip(145 - radius, 0, 1)).round()
+    write(logo, studio.folder / "logo.png")
+    film = studio.folder / "overlays.toml"
+    film.write_text(f"""
+[[item]]
+source = "{studio.demo()}"
+duration_s = 0.25
+overlay = [
+  {{picture = "logo.png", at = "top right", height = 0.14}},
+  {{clock = "15:28", at = "top left", height = 0.09}},  # the same in each picture
+  {{text = "Open until 8", at = "bottom left", height = 0.09}},
+  {{code = "https://example.org/more", height = 0.35}},
+]
+""")
+    folder = studio.folder / "overlaid"
+    folder.mkdir()
+    studio.run("play", film, "--rig", KIOSK_4K, "--clock", "simulated", "--display", "virtual",
+               "--record", f"png:{folder}")
+    return studio.eye(max(folder.glob("*.png")), KIOSK_4K, 0, 640, 360, 3)
+
+
 def window(studio):
     """display: the desktop window of `play --display window`, on an X server in memory."""
     woven = studio.demo()
