@@ -329,7 +329,7 @@ class Reader {
   }
   [[nodiscard]] std::vector<OverlaySpec> overlays(const toml::node& node) const {
     const toml::array* const array = node.as_array();
-    if (array == nullptr || !array->is_homogeneous<toml::table>())
+    if (array == nullptr || !(array->empty() || array->is_homogeneous<toml::table>()))
       fail(node, "overlay: not an array of tables", "write [[overlay]] or [[item.overlay]]");
     std::vector<OverlaySpec> overlays;
     for (const toml::node& one : *array) {

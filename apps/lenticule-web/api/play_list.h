@@ -50,7 +50,7 @@ class PlayList {
         if (value != false)
           toml += "shuffle = " + (value == true ? truth(key, value) : number(key, value)) + "\n";
       } else if (key == "overlay") {
-        toml += "overlay = " + overlays(key, value) + "\n";
+        if (!value.empty()) toml += "overlay = " + overlays(key, value) + "\n";
       } else if (key == "default") {
         if (!value.is_null()) standby = "\n[default]\n" + item_toml(value);
       } else if (key == "items") {

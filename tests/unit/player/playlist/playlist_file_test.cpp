@@ -329,6 +329,7 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
               testing::StartsWith("list.toml:1: overlay: from_s: not a number"));
   EXPECT_THAT(complaint(item + "[[item.overlay]]\nclock = 1979-05-27\n"),
               testing::StartsWith("list.toml:3: overlay: clock: not a text"));
+  EXPECT_EQ(complaint("overlay = []\n" + item), "none");
   std::string nine = item;
   for (int n = 0; n < 8; ++n) nine += "[[item.overlay]]\ntext = \"a\"\n";
   EXPECT_EQ(complaint(nine), "none");
