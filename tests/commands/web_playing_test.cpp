@@ -201,6 +201,25 @@ TEST_F(Web, AListThatWasNamedFromAnotherFolderIsEdited) {
   EXPECT_EQ(api("PUT", "list", list.dump())["items"][0]["loops"], 7);
 }
 
+TEST_F(Web, AListKeepsItsOverlaysWhenItIsEdited) {
+  write("media/list.toml",
+        "loop = \"forever\"\n[[overlay]]\ntext = \"Open\"\nat = \"top\"\n[[item]]\n"
+        "source = \"a.lts\"\n[[item.overlay]]\nclock = \"%H:%M\"\nfrom_s = 1\nfor_s = 2.5\n"
+        "[[item]]\nsource = \"b.lts\"\n");
+  play(path("media/list.toml"));
+  serve();
+  const ordered_json list = api("GET", "list");
+  EXPECT_EQ(list["overlay"], ordered_json::parse(R"([{"text": "Open", "at": "top"}])"));
+  ordered_json changed = list;
+  changed["items"] = {list["items"][1], list["items"][0]};
+  for (const char* key : {"file", "editable", "by_hand"}) changed.erase(key);
+  const ordered_json after = api("PUT", "list", changed.dump());
+  EXPECT_EQ(after["overlay"], list["overlay"]);
+  EXPECT_EQ(after["items"][0], list["items"][1]);
+  EXPECT_EQ(after["items"][1], list["items"][0]);
+  EXPECT_EQ(after["items"][1]["overlay"][0]["for_s"], 2.5);
+}
+
 TEST_F(Web, AFileAboveTheLimitIsRefused) {
   start_web({"--media-limit", "0.001"});  // 1 MiB
   HttpClient chunked(port_);

@@ -146,7 +146,7 @@ class PlayList {
     std::error_code error;
     if (std::filesystem::is_directory(name, error))
       return false;  // a file that is deleted leaves this list
-    return std::ranges::any_of(files_of(list), [&](const std::string& one) {
+    return std::ranges::any_of(files_of(list), [&file, &error](const std::string& one) {
       return std::filesystem::equivalent(one, file, error);
     });
   }

@@ -16,6 +16,7 @@
 #include "optics/rig_file.h"
 #include "player/playback/playback.h"
 #include "player/playlist/playlist_source.h"
+#include "tests/support/allocation_count.h"
 #include "tests/support/fakes/faulty_display.h"
 #include "tests/support/fakes/scanout_words.h"
 #include "tests/support/oracles/overlay_oracle.h"
@@ -436,6 +437,24 @@ TEST_F(Overlays, ATextIsBrokenIntoLinesThatFitThePanel) {
   EXPECT_EQ(boxes[0].pixels.geometry.height, 3 * 10 - 1 + 6);
   EXPECT_LE(boxes[0].pixels.geometry.width, kPanel.width);
   EXPECT_EQ(boxes[1].pixels.geometry, (FrameGeometry{.width = 4 * 6 - 1 + 6, .height = 15}));
+}
+
+TEST_F(Overlays, DrawingAllocatesNothingAlsoWhenAClockChanges) {
+  const std::array<FrameGeometry, 1> panels = {kPanel};
+  const std::array<OverlaySpec, 4> specs = {
+      parsed(R"({"clock": "%A %H:%M:%S"})"), parsed(R"({"picture": "logo.png"})"),
+      parsed(R"({"text": "Open", "at": "top"})"), parsed(R"({"code": "x", "height": 0.5})")};
+  OverlaySet set(specs, panels);
+  const WovenFrame film = numbered_frame(kPanel, 0);
+  std::vector<OverlayBox> boxes;
+  boxes.reserve(specs.size());
+  const long before = allocations;
+  for (int k = 0; k < 1000; ++k) {
+    boxes.clear();
+    set.draw(film.view(), ~0U, now + std::time_t{997} * k, boxes);
+  }
+  EXPECT_EQ(boxes.size(), specs.size());
+  EXPECT_EQ(allocations, before);
 }
 
 TEST_F(Overlays, OneThatCannotBeDrawnIsLeftOutAndTheFilmPlaysWithTheOthers) {
