@@ -377,7 +377,7 @@ TEST_F(Overlays, ACodeOverAFilmIsReadableThroughTheLensesFromEveryPlace) {
     const optics::Rig rig = optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/" + name);
     const FrameGeometry panel{.width = rig.panel.width_px, .height = rig.panel.height_px};
     const std::array<OverlaySpec, 1> specs = {
-        parsed(R"({"code": "https://example.org/more", "height": 0.4})")};
+        parsed(R"({"code": "https://example.org/more"})")};
     OverlaySet set(specs, {&panel, 1});
     WovenFrame frame = numbered_frame(panel, 1);
     std::vector<OverlayBox> boxes;
