@@ -376,8 +376,7 @@ TEST_F(Overlays, ACodeOverAFilmIsReadableThroughTheLensesFromEveryPlace) {
   for (const char* name : {"scenes/rigs/kiosk-27-1080.toml", "scenes/rigs/kiosk-27-4k.toml"}) {
     const optics::Rig rig = optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/" + name);
     const FrameGeometry panel{.width = rig.panel.width_px, .height = rig.panel.height_px};
-    const std::array<OverlaySpec, 1> specs = {
-        parsed(R"({"code": "https://example.org/more"})")};
+    const std::array<OverlaySpec, 1> specs = {parsed(R"({"code": "https://example.org/more"})")};
     OverlaySet set(specs, {&panel, 1});
     WovenFrame frame = numbered_frame(panel, 1);
     std::vector<OverlayBox> boxes;
