@@ -16,9 +16,7 @@
 namespace lenticule {
 namespace {
 
-std::string reason(int error) {
-  return std::generic_category().message(error);
-}
+std::string reason(int error) { return std::generic_category().message(error); }
 
 [[noreturn]] void fail_write(const std::filesystem::path& file, int error) {
   throw failed_error("{}: cannot write: {}", file.string(), reason(error))

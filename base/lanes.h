@@ -235,25 +235,17 @@ inline void store(const Lanes<E>& lanes, E* at) {
 inline const Floats& floats_at(const float* lanes) {
   return *reinterpret_cast<const Floats*>(lanes);
 }
-inline Floats& floats_at(float* lanes) {
-  return *reinterpret_cast<Floats*>(lanes);
-}
+inline Floats& floats_at(float* lanes) { return *reinterpret_cast<Floats*>(lanes); }
 /// Returns the integers that Embree's packets keep in arrays of floats.
-inline const Words& words_at(const float* lanes) {
-  return *reinterpret_cast<const Words*>(lanes);
-}
-inline Words& words_at(float* lanes) {
-  return *reinterpret_cast<Words*>(lanes);
-}
+inline const Words& words_at(const float* lanes) { return *reinterpret_cast<const Words*>(lanes); }
+inline Words& words_at(float* lanes) { return *reinterpret_cast<Words*>(lanes); }
 inline const Words& words_in(const uint32_t* lanes) {
   return *reinterpret_cast<const Words*>(lanes);
 }
 inline const Masks& masks_at(const int32_t* lanes) {
   return *reinterpret_cast<const Masks*>(lanes);
 }
-inline Masks& masks_at(int32_t* lanes) {
-  return *reinterpret_cast<Masks*>(lanes);
-}
+inline Masks& masks_at(int32_t* lanes) { return *reinterpret_cast<Masks*>(lanes); }
 
 /// Rounds doubles to floats; `part(n)` returns those of the lanes from n on.
 template <class Part>
@@ -301,9 +293,7 @@ inline uint32_t bits(const Masks& masks) {
   return sum;
 #endif
 }
-inline bool any(const Masks& masks) {
-  return bits(masks) != 0;
-}
+inline bool any(const Masks& masks) { return bits(masks) != 0; }
 /// Returns the lanes whose bit is set.
 inline Masks lanes_of(uint32_t bits) {
   alignas(64) static constexpr uint32_t kBit[16] = {
@@ -312,19 +302,13 @@ inline Masks lanes_of(uint32_t bits) {
   return (words_in(kBit) & bits) != 0U;
 }
 
-inline Floats min(const Floats& a, const Floats& b) {
-  return select(a < b, a, b);
-}
-inline Floats max(const Floats& a, const Floats& b) {
-  return select(a > b, a, b);
-}
+inline Floats min(const Floats& a, const Floats& b) { return select(a < b, a, b); }
+inline Floats max(const Floats& a, const Floats& b) { return select(a > b, a, b); }
 /// Clamps to [0, 1]; NaN becomes 0.
 inline Floats clamp01(const Floats& v) {
   return select(v > 0.0F, select(v < 1.0F, v, Floats::of(1.0F)), Floats{});
 }
-inline Floats absolute(const Floats& v) {
-  return floats_of(words_of(v) & 0x7fffffffU);
-}
+inline Floats absolute(const Floats& v) { return floats_of(words_of(v) & 0x7fffffffU); }
 inline Floats root(const Floats& v) {
   Floats out;
   for (int p = 0; p < kParts; ++p) {

@@ -53,9 +53,7 @@ class LargeMemory {
 /// a process that allocates for hours. Takes some milliseconds.
 ///
 /// Thread safety: any thread.
-inline void return_free_memory() noexcept {
-  static_cast<void>(::malloc_trim(0));
-}
+inline void return_free_memory() noexcept { static_cast<void>(::malloc_trim(0)); }
 
 /// Returns the bytes available without swapping, from /proc/meminfo; 0 if unknown.
 inline uint64_t available_memory() {

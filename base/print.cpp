@@ -66,15 +66,11 @@ void format_result(fmt::string_view format, fmt::format_args arguments) {
   if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size()) cannot_write(errno);
 }
 
-void count_dropped_line() noexcept {
-  ++g_dropped;
-}
+void count_dropped_line() noexcept { ++g_dropped; }
 
 }  // namespace print_detail
 
-uint64_t dropped_log_lines() noexcept {
-  return g_dropped;
-}
+uint64_t dropped_log_lines() noexcept { return g_dropped; }
 
 void flush_results() {
   errno = 0;

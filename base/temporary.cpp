@@ -36,9 +36,7 @@ constexpr size_t kMostFolders = 256;
 /// Returned for targets such as pipes.
 constexpr int kNotRegular = EINVAL;
 
-std::string reason(int error) {
-  return std::generic_category().message(error);
-}
+std::string reason(int error) { return std::generic_category().message(error); }
 
 /// Returns true if `path` still names the open file.
 bool names(const fs::path& path, int fd) noexcept {
@@ -118,9 +116,7 @@ fs::path temporary_beside(const fs::path& target) {
 
 }  // namespace
 
-size_t sweep_leftovers(const fs::path& folder) noexcept {
-  return sweep(folder);
-}
+size_t sweep_leftovers(const fs::path& folder) noexcept { return sweep(folder); }
 
 // --- files -------------------------------------------------------------------------------------
 

@@ -38,13 +38,9 @@ constexpr std::array kEscaped = {
     CodeRange{0xE0000, 0xE007F},  // tags: invisible
 };
 
-bool is_digit(char c) {
-  return c >= '0' && c <= '9';
-}
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-bool is_continuation(char c) {
-  return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U;
-}
+bool is_continuation(char c) { return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U; }
 
 /// Returns the number of bytes of a character that begins with `lead`; 0 if no character begins so.
 size_t announced_length(unsigned char lead) {

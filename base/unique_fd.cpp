@@ -16,9 +16,7 @@ WakeFd::WakeFd(const char* owner) : fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) 
         .remedy("raise the limit of open files");
 }
 
-void WakeFd::signal() const noexcept {
-  (void)eventfd_write(fd_.get(), 1);
-}
+void WakeFd::signal() const noexcept { (void)eventfd_write(fd_.get(), 1); }
 
 void WakeFd::drain() const noexcept {
   eventfd_t count = 0;

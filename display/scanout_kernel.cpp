@@ -34,9 +34,7 @@ constexpr std::array<uint16_t, 256> kTenBits = [] {
   return ten;
 }();
 
-uint32_t ten_bits(uint8_t value) noexcept {
-  return kTenBits[value];
-}
+uint32_t ten_bits(uint8_t value) noexcept { return kTenBits[value]; }
 
 template <ScanoutDepth depth>
 void expand_pixel(const uint8_t* rgb, uint32_t* xrgb) noexcept {

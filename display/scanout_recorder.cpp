@@ -32,9 +32,7 @@ namespace fs = std::filesystem;
       .remedy("record to a folder that exists, is writable and has free space");
 }
 
-std::string message_of(int error) {
-  return std::generic_category().message(error);
-}
+std::string message_of(int error) { return std::generic_category().message(error); }
 
 /// Throws Error(Failed) unless the whole recording is on the disk.
 void require_whole(const fs::path& place, uint64_t lost, const std::string& reason) {

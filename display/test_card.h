@@ -44,12 +44,8 @@ struct CardLayout {
 };
 
 inline constexpr int kCardSteps = 8;
-[[nodiscard]] constexpr int dark_step(int i) {
-  return 4 * i;
-}
-[[nodiscard]] constexpr int light_step(int i) {
-  return 227 + 4 * i;
-}
+[[nodiscard]] constexpr int dark_step(int i) { return 4 * i; }
+[[nodiscard]] constexpr int light_step(int i) { return 227 + 4 * i; }
 
 [[nodiscard]] CardLayout lay_out_card(const frames::FrameGeometry& geometry, const CardText& text);
 

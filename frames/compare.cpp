@@ -132,9 +132,7 @@ double Difference::mse() const {
   return n == 0 ? 0.0 : static_cast<double>(squares) / static_cast<double>(n);
 }
 
-double Difference::rmse() const {
-  return std::sqrt(mse());
-}
+double Difference::rmse() const { return std::sqrt(mse()); }
 
 std::optional<double> Difference::psnr_db() const {
   const double error = mse();

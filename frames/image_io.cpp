@@ -209,9 +209,7 @@ constexpr int kMaxDigits = 18;
       .remedy("write one %d or %05d in the file's name, for example out/%05d.png");
 }
 
-bool is_digit(char c) {
-  return c >= '0' && c <= '9';
-}
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 /// Conversion holds the length of "%d" or "%0Nd" at the start of `text` and its N (0 if absent).
 struct Conversion {
@@ -242,9 +240,7 @@ TextureImage PictureFileReader::texture(const EncodedPicture& picture, PictureVa
   return image;
 }
 
-void use_picture_reader(const PictureFileReader* reader) noexcept {
-  chosen_reader.store(reader);
-}
+void use_picture_reader(const PictureFileReader* reader) noexcept { chosen_reader.store(reader); }
 
 void read_picture(const EncodedPicture& picture, PictureSink& sink) {
   reader().read(picture, sink);

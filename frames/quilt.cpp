@@ -20,9 +20,7 @@ constexpr double kMinAspect = 0.01;
 constexpr double kMaxAspect = 100.0;
 constexpr double kMostZoom = 16.0;
 
-bool sensible_aspect(double aspect) {
-  return aspect >= kMinAspect && aspect <= kMaxAspect;
-}
+bool sensible_aspect(double aspect) { return aspect >= kMinAspect && aspect <= kMaxAspect; }
 
 void require_aspect(double aspect, const std::string& context) {
   if (!sensible_aspect(aspect))

@@ -82,15 +82,9 @@ int gauss_weights(double centre, int views, double sigma, std::vector<double>& w
 ViewFilter parse_view_filter(const std::string& text) {
   return parse_name(kFilters, text, "filter");
 }
-PictureFit parse_picture_fit(const std::string& text) {
-  return parse_name(kFits, text, "fit");
-}
-const char* to_string(ViewFilter filter) {
-  return name_of(kFilters, filter);
-}
-const char* to_string(PictureFit fit) {
-  return name_of(kFits, fit);
-}
+PictureFit parse_picture_fit(const std::string& text) { return parse_name(kFits, text, "fit"); }
+const char* to_string(ViewFilter filter) { return name_of(kFilters, filter); }
+const char* to_string(PictureFit fit) { return name_of(kFits, fit); }
 
 ViewFilter view_filter(const WeaveOptions& options, const optics::LensSheet& sheet, int views) {
   const double spot_width = kWidthOfSigma * sheet.spot_sigma.value;  // unit: lenses

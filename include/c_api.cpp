@@ -79,9 +79,7 @@ lenticule_status guarded(Body body) noexcept {
   }
 }
 
-lenticule_status misuse(const char* what) noexcept {
-  return report(LENTICULE_MISUSE, what);
-}
+lenticule_status misuse(const char* what) noexcept { return report(LENTICULE_MISUSE, what); }
 
 RendererHello hello_of(const lenticule_hello* said) {
   RendererHello hello;
@@ -96,9 +94,7 @@ RendererHello hello_of(const lenticule_hello* said) {
   return hello;
 }
 
-bool is_open(const lenticule_ring* ring) noexcept {
-  return ring && ring->renderer;
-}
+bool is_open(const lenticule_ring* ring) noexcept { return ring && ring->renderer; }
 
 }  // namespace
 
@@ -126,9 +122,7 @@ int lenticule_ring_height(const lenticule_ring* ring) {
   return is_open(ring) ? ring->renderer->geometry().height : 0;
 }
 
-lenticule_pixel_format lenticule_ring_format(const lenticule_ring*) {
-  return LENTICULE_RGB8;
-}
+lenticule_pixel_format lenticule_ring_format(const lenticule_ring*) { return LENTICULE_RGB8; }
 
 size_t lenticule_ring_stride(const lenticule_ring* ring) {
   return is_open(ring) ? ring->renderer->geometry().row_bytes() : 0;
@@ -210,14 +204,8 @@ lenticule_status lenticule_ring_finish(lenticule_ring* ring) {
   });
 }
 
-void lenticule_ring_close(lenticule_ring* ring) {
-  delete ring;
-}
+void lenticule_ring_close(lenticule_ring* ring) { delete ring; }
 
-const char* lenticule_last_error(void) {
-  return last_error;
-}
+const char* lenticule_last_error(void) { return last_error; }
 
-const char* lenticule_version(void) {
-  return LENTICULE_VERSION;
-}
+const char* lenticule_version(void) { return LENTICULE_VERSION; }

@@ -206,13 +206,9 @@ OpticalModel::OpticalModel(const Rig& rig) {
     design_eye_ = {centre.value, height.value, distance.value};
 }
 
-const Rig& OpticalModel::rig() const {
-  return prepared_->rig;
-}
+const Rig& OpticalModel::rig() const { return prepared_->rig; }
 
-const ResidualSpline& OpticalModel::residual() const {
-  return prepared_->residual;
-}
+const ResidualSpline& OpticalModel::residual() const { return prepared_->residual; }
 
 double OpticalModel::lens_coordinate(double x_px, double y_px, int channel) const {
   const Panel& panel = rig().panel;

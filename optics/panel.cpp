@@ -87,18 +87,10 @@ SubpixelLayout::SubpixelLayout(std::string name, int columns, int rows,
                                std::vector<PixelCell> cells)
     : name_(std::move(name)), columns_(columns), rows_(rows), cells_(std::move(cells)) {}
 
-SubpixelLayout SubpixelLayout::rgb() {
-  return named("rgb");
-}
-SubpixelLayout SubpixelLayout::bgr() {
-  return named("bgr");
-}
-SubpixelLayout SubpixelLayout::vrgb() {
-  return named("vrgb");
-}
-SubpixelLayout SubpixelLayout::vbgr() {
-  return named("vbgr");
-}
+SubpixelLayout SubpixelLayout::rgb() { return named("rgb"); }
+SubpixelLayout SubpixelLayout::bgr() { return named("bgr"); }
+SubpixelLayout SubpixelLayout::vrgb() { return named("vrgb"); }
+SubpixelLayout SubpixelLayout::vbgr() { return named("vbgr"); }
 
 SubpixelLayout SubpixelLayout::named(const std::string& name) {
   constexpr double kFirst = 1.0 / 6.0, kSecond = 0.5, kThird = 5.0 / 6.0;

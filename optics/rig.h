@@ -146,8 +146,6 @@ struct EffectiveSheet {
 }
 
 /// Returns the phase without its whole lenses, in [-1/2, 1/2].
-[[nodiscard]] inline double without_whole_lenses(double phase) {
-  return phase - std::round(phase);
-}
+[[nodiscard]] inline double without_whole_lenses(double phase) { return phase - std::round(phase); }
 
 }  // namespace lenticule::optics

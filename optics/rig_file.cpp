@@ -433,9 +433,7 @@ bool RigStore::update() {
   return true;
 }
 
-bool RigStore::update_if_edited() {
-  return !(glance() == seen_) && update();
-}
+bool RigStore::update_if_edited() { return !(glance() == seen_) && update(); }
 
 bool RigStore::differs() const {
   if (in_use() != copy_) return false;

@@ -22,9 +22,7 @@ using row_kernel::Points;
 constexpr int kBlockPixels = kBlock / 3;
 constexpr int kMaxSteps = 40;
 
-const Kernel& kernel_for(Isa isa) {
-  return LENTICULE_SELECT_KERNEL(isa, kRowKernel);
-}
+const Kernel& kernel_for(Isa isa) { return LENTICULE_SELECT_KERNEL(isa, kRowKernel); }
 
 Constants constants_of(const OpticalModel& model) {
   const Panel& panel = model.rig().panel;
@@ -221,9 +219,7 @@ struct RowRayEvaluator::Impl {
 RowRayEvaluator::RowRayEvaluator(const OpticalModel& model, Isa isa)
     : impl_(std::make_shared<const Impl>(model, isa)) {}
 
-const OpticalModel& RowRayEvaluator::model() const {
-  return impl_->model;
-}
+const OpticalModel& RowRayEvaluator::model() const { return impl_->model; }
 
 void RowRayEvaluator::evaluate(int j, int i_begin, int i_end, RowRays& out) const {
   check_range(impl_->model.rig().panel, j, i_begin, i_end);

@@ -27,9 +27,7 @@ struct Branch {
   double radius;
 };
 
-Vec3 end_of(const Branch& branch) {
-  return branch.base + branch.along * branch.length;
-}
+Vec3 end_of(const Branch& branch) { return branch.base + branch.along * branch.length; }
 
 /// Returns the child that leans to the branch's side by `lean` radians. It forks in a plane rotated
 /// by slightly more than a quarter turn, so that successive levels do not shadow each other.

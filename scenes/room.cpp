@@ -17,9 +17,7 @@ constexpr double kCeiling = 3.0;
 constexpr double kTableTop = 0.8;
 constexpr double kProud = 0.01;  ///< distance of flat objects from the surface behind them
 
-Fill matt(Vec3 colour = {1, 1, 1}) {
-  return {.colour = colour, .diffuse = 1.0, .specular = 0.0};
-}
+Fill matt(Vec3 colour = {1, 1, 1}) { return {.colour = colour, .diffuse = 1.0, .specular = 0.0}; }
 
 void write_quad(SceneWriter& out, Vec3 corner, Vec3 along, Vec3 across) {
   out.polygon(std::array{corner, corner + across, corner + along + across, corner + along});

@@ -329,9 +329,7 @@ Out format_number(Out out, double number) {
   return read;
 }
 
-inline void append_part(std::string& text, std::string_view word) {
-  text += word;
-}
+inline void append_part(std::string& text, std::string_view word) { text += word; }
 
 inline void append_part(std::string& text, double number) {
   format_number(std::back_inserter(text += ' '), number);
@@ -345,9 +343,7 @@ inline void round_part(std::string_view) {}
 
 inline void round_part(int) {}
 
-inline void round_part(double& number) {
-  number = as_read_from_nff(number);
-}
+inline void round_part(double& number) { number = as_read_from_nff(number); }
 
 inline void round_part(Vec3& v) {
   for (double* const number : {&v.x, &v.y, &v.z}) round_part(*number);

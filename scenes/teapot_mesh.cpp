@@ -82,9 +82,7 @@ constexpr std::array<Patch, 4> kHalves = {{
       {{{2.8, 0, 2.4}, {2.8, 0.15, 2.4}, {3.2, 0.15, 2.4}, {3.2, 0, 2.4}}}}},
 }};
 
-Vec3 quarter_turn(Vec3 p) {
-  return {-p.y, p.x, p.z};
-}
+Vec3 quarter_turn(Vec3 p) { return {-p.y, p.x, p.z}; }
 
 Patch quarter_of(const Profile& profile) {
   Patch patch;

@@ -45,9 +45,7 @@ using AvOutput = std::unique_ptr<AVFormatContext, FreeFormat>;
 
 inline constexpr int kBufferBytes = 1 << 16;
 
-inline int fd_of(void* opaque) {
-  return *static_cast<const int*>(opaque);
-}
+inline int fd_of(void* opaque) { return *static_cast<const int*>(opaque); }
 
 inline int read_some(void* opaque, uint8_t* out, int bytes) {
   ssize_t n = 0;

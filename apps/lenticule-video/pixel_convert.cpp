@@ -16,22 +16,16 @@ namespace {
 constexpr int kFraction = 52;
 constexpr int64_t kHalf = int64_t{1} << (kFraction - 1);
 
-int64_t fixed(double value) {
-  return std::llround(std::ldexp(value, kFraction));
-}
+int64_t fixed(double value) { return std::llround(std::ldexp(value, kFraction)); }
 
 /// Deeper values are computed in 64 bits: weighted sums of chroma must fit into 15 bits.
 constexpr int kMostFastDepth = 10;
 constexpr int kMostFastShift = 1;
 
 /// Returns twice the number of luma samples per chroma sample: the sum of one axis's weights.
-int parts(int shift) {
-  return 2 << shift;
-}
+int parts(int shift) { return 2 << shift; }
 
-int chroma_size(int luma, int shift) {
-  return (luma + (1 << shift) - 1) >> shift;
-}
+int chroma_size(int luma, int shift) { return (luma + (1 << shift) - 1) >> shift; }
 
 std::vector<uint8_t> table_of_codes(int depth, bool full_range) {
   const int most = (1 << depth) - 1;

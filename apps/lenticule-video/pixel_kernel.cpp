@@ -78,9 +78,7 @@ constexpr Interleave make_interleave(auto place_of) {
 }
 constexpr Interleave kInterleave = make_interleave([](int pixel) { return pixel; });
 
-inline __m128i load(const void* from) {
-  return _mm_loadu_si128(static_cast<const __m128i*>(from));
-}
+inline __m128i load(const void* from) { return _mm_loadu_si128(static_cast<const __m128i*>(from)); }
 
 void interleave(const Block& block, uint8_t* rgb) {
   for (int at = 0; at < kBlock; at += 16) {
@@ -155,21 +153,11 @@ inline Words load_words(const void* from) {
   __builtin_memcpy(&words, from, sizeof words);
   return words;
 }
-inline Words all(int value) {
-  return LENTICULE_VECTOR(set1_epi16)(static_cast<int16_t>(value));
-}
-inline Words sum(Words a, Words b) {
-  return LENTICULE_VECTOR(add_epi16)(a, b);
-}
-inline Words bounded_sum(Words a, Words b) {
-  return LENTICULE_VECTOR(adds_epi16)(a, b);
-}
-inline Words low_product(Words a, Words b) {
-  return LENTICULE_VECTOR(mullo_epi16)(a, b);
-}
-inline Words product(Words a, Words b) {
-  return LENTICULE_VECTOR(mulhrs_epi16)(a, b);
-}
+inline Words all(int value) { return LENTICULE_VECTOR(set1_epi16)(static_cast<int16_t>(value)); }
+inline Words sum(Words a, Words b) { return LENTICULE_VECTOR(add_epi16)(a, b); }
+inline Words bounded_sum(Words a, Words b) { return LENTICULE_VECTOR(adds_epi16)(a, b); }
+inline Words low_product(Words a, Words b) { return LENTICULE_VECTOR(mullo_epi16)(a, b); }
+inline Words product(Words a, Words b) { return LENTICULE_VECTOR(mulhrs_epi16)(a, b); }
 /// Returns 128 times the bytes at even, or odd, places.
 inline Words even_bytes(Bytes bytes) {
   return LENTICULE_VECTOR(srli_epi16)(LENTICULE_VECTOR(slli_epi16)(bytes, 8), 1);
@@ -186,9 +174,7 @@ constexpr int kStep = sizeof(Bytes);  ///< pixels that are converted at once
 
 /// Returns the place of a pixel's code: codes_of() puts the even ones of sixteen before the odd
 /// ones.
-constexpr int place_of(int pixel) {
-  return pixel / 16 * 16 + pixel % 16 / 2 + pixel % 2 * 8;
-}
+constexpr int place_of(int pixel) { return pixel / 16 * 16 + pixel % 16 / 2 + pixel % 2 * 8; }
 
 #if defined(__AVX512VBMI__)
 
@@ -316,9 +302,7 @@ void convert_short(const ShortSums& sums, const uint8_t* y, const int16_t* cb, c
 
 constexpr int kStep = kBlock;  ///< pixels that are converted at once
 
-inline int product(int a, int b) {
-  return (a * b + (1 << 14)) >> 15;
-}
+inline int product(int a, int b) { return (a * b + (1 << 14)) >> 15; }
 
 inline uint8_t code_of(int sum) {
   const int code = sum >> kShortFraction, above = code < 0 ? 0 : code;

@@ -32,9 +32,7 @@ json rational(AVRational value) {
   return json::array({value.num, value.den});
 }
 
-json text_or_null(const char* text) {
-  return text != nullptr ? json(text) : json(nullptr);
-}
+json text_or_null(const char* text) { return text != nullptr ? json(text) : json(nullptr); }
 
 /// Returns the duration in seconds; null if neither the stream nor the container states it.
 json duration(const AVFormatContext& format, const AVStream& stream) {

@@ -137,9 +137,7 @@ inline PixelLayout plain_layout(const AVPixFmtDescriptor& pixels) {
   return layout;
 }
 
-inline std::string named(const char* name) {
-  return name != nullptr ? name : "without a name";
-}
+inline std::string named(const char* name) { return name != nullptr ? name : "without a name"; }
 
 /// Changes Y'CbCr planes that hold G, B, R (identity matrix) into an RGB layout.
 inline void turn_into_rgb(PixelLayout& layout) {

@@ -128,9 +128,7 @@ std::string address_of(const std::string& base, const Token& token) {
   return fmt::format("{}/enter?token={}", base, token.secret);
 }
 
-bool is_terminal() {
-  return ::isatty(STDOUT_FILENO) == 1;
-}
+bool is_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
 
 /// Prints the address, and its QR code if people look at the output.
 void print_address(const std::string& address, bool code) {
@@ -279,6 +277,4 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace lenticule::web
 
-int main(int argc, char** argv) {
-  return lenticule::web::run(argc, argv);
-}
+int main(int argc, char** argv) { return lenticule::web::run(argc, argv); }

@@ -190,9 +190,7 @@ inline constexpr double kSpreadLenses = 0.12;
 /// A value this many bands beyond the chart may be taken for its last band.
 inline constexpr double kNearBands = 4.0;
 
-inline double bell(double x) {
-  return std::exp(-0.5 * x * x);
-}
+inline double bell(double x) { return std::exp(-0.5 * x * x); }
 
 /// Returns the probability of `band` as a right answer if the best band would be `ideal`, which may
 /// lie between two bands or beyond the chart.

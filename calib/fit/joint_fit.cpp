@@ -839,18 +839,12 @@ constexpr double kMostFocalPull = 3.0;
 /// pull the phases could be off by more than 0.02 lens.
 constexpr double kMostCentrePull = 1.6;
 
-double focal_pull(const OwnCameraValues& own) {
-  return std::abs(own[kOwnFocal]) / kOwnFocalSigma;
-}
+double focal_pull(const OwnCameraValues& own) { return std::abs(own[kOwnFocal]) / kOwnFocalSigma; }
 double centre_pull(const OwnCameraValues& own) {
   return std::hypot(own[kOwnCentreX], own[kOwnCentreY]) / kOwnCentreSigma;
 }
-double pull(const OwnCameraValues& own) {
-  return std::max(focal_pull(own), centre_pull(own));
-}
-bool zoomed(const OwnCameraValues& own) {
-  return focal_pull(own) >= centre_pull(own);
-}
+double pull(const OwnCameraValues& own) { return std::max(focal_pull(own), centre_pull(own)); }
+bool zoomed(const OwnCameraValues& own) { return focal_pull(own) >= centre_pull(own); }
 
 /// Returns the difference between a view's camera and the mean of the others.
 OwnCameraValues apart_from_others(const std::vector<OwnCameraValues>& own, size_t view) {

@@ -52,9 +52,7 @@ struct Normalizer {
   }
 };
 
-double length_of(Vec2 v) {
-  return std::hypot(v.x, v.y);
-}
+double length_of(Vec2 v) { return std::hypot(v.x, v.y); }
 
 }  // namespace
 
@@ -246,9 +244,7 @@ Complex64 demodulated(const FringeView& view, size_t n, const LinearPhase& model
          std::polar(1.0, -2.0 * std::numbers::pi * (turns - std::round(turns)));
 }
 
-int signed_frequency(int k, int count) {
-  return k < count / 2 ? k : k - count;
-}
+int signed_frequency(int k, int count) { return k < count / 2 ? k : k - count; }
 
 /// Spectrum is a complex picture of the panel and its two-dimensional spectrum.
 class Spectrum {

@@ -26,9 +26,7 @@ constexpr double kMostLeak = 0.08;
 /// Half of the pixels lit give half of the light; scaling mixes codes, whose mean is much darker.
 constexpr double kMostImbalance = 0.08;
 
-double total(const MeanColour& colour) {
-  return colour[0] + colour[1] + colour[2];
-}
+double total(const MeanColour& colour) { return colour[0] + colour[1] + colour[2]; }
 
 /// Returns the light of the panel's channels that gives the camera's channels.
 Eigen::Vector3d panel_light(const LinkPictures& pictures, const MeanColour& seen) {

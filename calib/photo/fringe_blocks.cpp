@@ -469,9 +469,7 @@ void add_part(LightSums& sums, const LightSums& part, double cycles) {
 }
 
 /// Returns the phase of fitted light, cycles: cos(p + r) = cos r cos p - sin r sin p.
-double phase_of(const LightTerms& fitted) {
-  return std::atan2(-fitted[4], fitted[3]) / kTau;
-}
+double phase_of(const LightTerms& fitted) { return std::atan2(-fitted[4], fitted[3]) / kTau; }
 
 /// Returns nothing if the phase of the fringes changes too little over the block.
 std::optional<FringeBlock> block_of(const LightSums& sums, uint32_t block, double detuning) {

@@ -61,9 +61,7 @@ double score(const std::vector<FringeBlock>& blocks, double across, double down)
   return strength;
 }
 
-double wrapped(double cycles) {
-  return cycles - std::round(cycles);
-}
+double wrapped(double cycles) { return cycles - std::round(cycles); }
 
 /// Returns the mean phase of all kinds of bands, each kind once. A position error moves the kinds
 /// apart by less than half a cycle.

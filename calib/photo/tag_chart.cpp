@@ -243,9 +243,7 @@ TagFamily::TagFamily() : family_(tag36h11_create()) {
                   family_->ncodes == kTagIds);
 }
 
-TagFamily::~TagFamily() {
-  tag36h11_destroy(family_);
-}
+TagFamily::~TagFamily() { tag36h11_destroy(family_); }
 
 std::vector<bool> TagFamily::cells(int id) const {
   LENTICULE_CHECK(id >= 0 && id < kTagIds);

@@ -365,17 +365,11 @@ json list(const std::vector<Item>& items, Function&& to_item) {
   return out;
 }
 
-json numbers(const std::vector<double>& values) {
-  return list(values, number);
-}
+json numbers(const std::vector<double>& values) { return list(values, number); }
 
-json texts(const std::vector<std::string>& lines) {
-  return list(lines, escaped);
-}
+json texts(const std::vector<std::string>& lines) { return list(lines, escaped); }
 
-json vector(const Vec3& v) {
-  return {number(v.x), number(v.y), number(v.z)};
-}
+json vector(const Vec3& v) { return {number(v.x), number(v.y), number(v.z)}; }
 
 json estimate(const Estimate& e) {
   return {{"value", number(e.value)}, {"sigma", number(e.sigma)}};

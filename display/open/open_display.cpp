@@ -92,9 +92,7 @@ VirtualSpec parse_virtual_spec(std::string_view spec) {
   return result;
 }
 
-bool is_kms_spec(std::string_view spec) {
-  return spec.substr(0, spec.find(':')) == "kms";
-}
+bool is_kms_spec(std::string_view spec) { return spec.substr(0, spec.find(':')) == "kms"; }
 
 void check_display_spec(std::string_view spec) {
   if (is_kms_spec(spec))

@@ -36,9 +36,7 @@ FrameSize wanted_size(const FormatRequest& request) {
   return request.display.width > 0 ? request.display : kUsualSize;
 }
 
-double pixels(const FrameSize& size) {
-  return static_cast<double>(size.width) * size.height;
-}
+double pixels(const FrameSize& size) { return static_cast<double>(size.width) * size.height; }
 
 /// Converts a driver's number; returns 0 if it does not fit.
 int side(uint32_t length) {
@@ -285,9 +283,7 @@ V4l2Node only_camera(V4l2System& system) {
 }
 
 /// Returns the last component of a path.
-std::string leaf(const std::string& path) {
-  return path.substr(path.rfind('/') + 1);
-}
+std::string leaf(const std::string& path) { return path.substr(path.rfind('/') + 1); }
 
 }  // namespace
 

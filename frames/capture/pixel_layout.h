@@ -34,9 +34,7 @@ struct ColourCoding {
 enum class Samples { Rgb, Ycbcr, Luma };
 
 /// Returns a number that V4L2 defines, or 0.
-inline uint32_t known(uint32_t number, uint32_t largest) {
-  return number <= largest ? number : 0;
-}
+inline uint32_t known(uint32_t number, uint32_t largest) { return number <= largest ? number : 0; }
 
 /// Resolves all defaults; the result still has V4L2's numbers. Luma alone is full range unless the
 /// driver states otherwise: V4L2's rule does not cover it, but sensors and the kernel's test driver

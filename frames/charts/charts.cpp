@@ -39,9 +39,7 @@ double place_of(double phase) {
   return phase - ((phase + kRounder) - kRounder);
 }
 
-double lens_px(const optics::Rig& rig) {
-  return rig.sheet.pitch.value / 3.0;
-}
+double lens_px(const optics::Rig& rig) { return rig.sheet.pitch.value / 3.0; }
 
 /// Returns the pixels per dot of the font: wide enough for the lenses, large enough for the viewing
 /// distance.

@@ -131,9 +131,7 @@ class HeifReader final : public OIIO::ImageInput {
 
 }  // namespace
 
-void prepare_heif() {
-  (void)heif_init(nullptr);
-}
+void prepare_heif() { (void)heif_init(nullptr); }
 
 std::optional<std::array<uint32_t, 2>> eyes_in_heif(Bytes file) {
   // The box `meta` begins with a version. In `ster` come, in 4 bytes each, a version, the group's

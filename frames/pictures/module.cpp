@@ -112,9 +112,7 @@ Triple cross(const Triple& a, const Triple& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
-double dot(const Triple& a, const Triple& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+double dot(const Triple& a, const Triple& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /// Returns the rows of the matrix from an EXR file's linear colours to those of sRGB, by way of CIE
 /// XYZ; grey remains grey. Returns nothing if the file states no primaries, those of sRGB, or

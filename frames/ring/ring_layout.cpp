@@ -7,9 +7,7 @@
 namespace lenticule::frames {
 namespace {
 
-constexpr size_t round_up(size_t bytes, size_t unit) {
-  return (bytes + unit - 1) / unit * unit;
-}
+constexpr size_t round_up(size_t bytes, size_t unit) { return (bytes + unit - 1) / unit * unit; }
 
 const char* content_problem(const RingContent& content, const FrameGeometry& picture) {
   const auto lies_inside = [&](const RingRect& part) {

@@ -57,12 +57,8 @@ class Mapping {
 [[nodiscard]] constexpr uint64_t ring_number(uint64_t position, bool begins_clip) {
   return position << 1 | (begins_clip ? 1 : 0);
 }
-[[nodiscard]] constexpr uint64_t position_of(uint64_t number) {
-  return number >> 1;
-}
-[[nodiscard]] constexpr bool begins_clip(uint64_t number) {
-  return (number & 1) != 0;
-}
+[[nodiscard]] constexpr uint64_t position_of(uint64_t number) { return number >> 1; }
+[[nodiscard]] constexpr bool begins_clip(uint64_t number) { return (number & 1) != 0; }
 
 /// Longest time that a frame of a video stays.
 inline constexpr double kLongestFrameSeconds = 3600.0;
@@ -87,9 +83,7 @@ inline constexpr Epoch kMaxEpoch = UINT32_MAX >> kStateBits;
 }
 
 /// Returns the next epoch; after 2^29 connections the numbers start again at 1.
-[[nodiscard]] constexpr Epoch next_epoch(Epoch epoch) {
-  return epoch == kMaxEpoch ? 1 : epoch + 1;
-}
+[[nodiscard]] constexpr Epoch next_epoch(Epoch epoch) { return epoch == kMaxEpoch ? 1 : epoch + 1; }
 
 struct alignas(64) SlotEntry {
   std::atomic<uint32_t> word;          ///< slot_word(); its release/acquire orders the pixels too

@@ -166,9 +166,7 @@ inline bool is_sensible_rate(int64_t numerator, int64_t denominator) {
   return message;
 }
 
-[[nodiscard]] inline WakeMessage make_wake(MessageKind kind) {
-  return make<WakeMessage>(kind);
-}
+[[nodiscard]] inline WakeMessage make_wake(MessageKind kind) { return make<WakeMessage>(kind); }
 
 [[nodiscard]] inline GoodbyeMessage make_goodbye(uint64_t published) {
   auto message = make<GoodbyeMessage>(MessageKind::Goodbye);

@@ -33,9 +33,7 @@ inline constexpr size_t kPictureHeaderBytes = 64;
 inline constexpr int kAttempts =
     3;  // a writer that overtakes a reader so often is faster than displays
 
-inline size_t picture_bytes(size_t words) {
-  return words * sizeof(uint32_t);
-}
+inline size_t picture_bytes(size_t words) { return words * sizeof(uint32_t); }
 
 /// Thread safety: one thread.
 class SharedPictureWriter {

@@ -57,9 +57,7 @@ Decompressor make_decompressor() {
   return context;
 }
 
-size_t blocks_of(size_t band_bytes) {
-  return (band_bytes + kBlockBytes - 1) / kBlockBytes;
-}
+size_t blocks_of(size_t band_bytes) { return (band_bytes + kBlockBytes - 1) / kBlockBytes; }
 
 constexpr size_t kSamples = 8192;
 constexpr int kMaxRowsUp = 8;

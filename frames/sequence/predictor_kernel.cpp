@@ -61,9 +61,7 @@ void store(Block block, uint8_t* to) noexcept {
 void stream(Block block, uint8_t* to) noexcept {
   _mm256_stream_si256(reinterpret_cast<__m256i*>(to), block.bytes);
 }
-void end_streaming() noexcept {
-  _mm_sfence();
-}
+void end_streaming() noexcept { _mm_sfence(); }
 constexpr bool kStreams = true;
 
 #if defined(__AVX512VBMI2__)
@@ -124,9 +122,7 @@ struct Block {
   uint8x16_t low, high;
 };
 
-Block load(const uint8_t* from) noexcept {
-  return {vld1q_u8(from), vld1q_u8(from + 16)};
-}
+Block load(const uint8_t* from) noexcept { return {vld1q_u8(from), vld1q_u8(from + 16)}; }
 
 void store(Block block, uint8_t* to) noexcept {
   vst1q_u8(to, block.low);
@@ -287,9 +283,7 @@ void write_block(const Choice& choice, const uint8_t* block, const uint8_t* from
 
 #if !defined(__AVX2__)
 
-void stream(const Block& block, uint8_t* to) noexcept {
-  store(block, to);
-}
+void stream(const Block& block, uint8_t* to) noexcept { store(block, to); }
 void end_streaming() noexcept {}
 constexpr bool kStreams = false;
 

@@ -480,9 +480,7 @@ std::optional<Trailer> parse_trailer(std::span<const uint8_t> bytes) noexcept {
                  .index_checksum = load_u64(&bytes[16])};
 }
 
-std::span<const uint8_t> frame_magic() noexcept {
-  return kFrameMagic;
-}
+std::span<const uint8_t> frame_magic() noexcept { return kFrameMagic; }
 
 void append_file_start(const SequenceInfo& info, FileHeader& header, std::vector<uint8_t>& to) {
   const std::string metadata = sequence_info_to_json(info);

@@ -96,12 +96,8 @@ void state_rig(SequenceInfo& info, const optics::RigIdentity& rig);
 inline void append_little(std::vector<uint8_t>& to, uint64_t value, int bytes) {
   for (int i = 0; i < bytes; ++i) to.push_back(static_cast<uint8_t>(value >> 8 * i));
 }
-inline void append_u32(std::vector<uint8_t>& to, uint32_t value) {
-  append_little(to, value, 4);
-}
-inline void append_u64(std::vector<uint8_t>& to, uint64_t value) {
-  append_little(to, value, 8);
-}
+inline void append_u32(std::vector<uint8_t>& to, uint32_t value) { append_little(to, value, 4); }
+inline void append_u64(std::vector<uint8_t>& to, uint64_t value) { append_little(to, value, 8); }
 
 // Reads and writes whole byte ranges of a file at 64-bit offsets.
 

@@ -261,9 +261,7 @@ bool is_rgbd_name(const std::filesystem::path& file) {
   return std::find(words.begin() + 1, words.end(), "rgbd") != words.end();
 }
 
-bool is_jps_name(const std::filesystem::path& file) {
-  return has_extension(file, ".jps");
-}
+bool is_jps_name(const std::filesystem::path& file) { return has_extension(file, ".jps"); }
 
 std::optional<StereoLayout> parse_jps_tag(std::span<const uint8_t> head, const std::string& name) {
   // Two bytes of length, then separation, flags, layout and type.

@@ -187,9 +187,7 @@ std::vector<Match> find_blocks(const Changes& in, const Changes& other, int down
   return blocks;
 }
 
-bool is_sure(const Match& match) {
-  return match.found && match.unique;
-}
+bool is_sure(const Match& match) { return match.found && match.unique; }
 
 /// Returns the value below which that part of the values is; 0 without values.
 double quantile(std::vector<double> values, double part) {

@@ -47,9 +47,7 @@ struct Parabola {
   }
 };
 
-double exact_light(int code) {
-  return kFull * linear_of_codes()[static_cast<size_t>(code)];
-}
+double exact_light(int code) { return kFull * linear_of_codes()[static_cast<size_t>(code)]; }
 
 double furthest_off(const Parabola& parabola, int first_code) {
   double most = 0.0;

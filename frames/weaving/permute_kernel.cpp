@@ -537,8 +537,6 @@ void stream_row(const uint8_t* codes, size_t count, uint8_t* to) noexcept {
   __builtin_memcpy(to + whole, codes + whole, count - whole);
 }
 
-void end_streaming() noexcept {
-  _mm_sfence();
-}
+void end_streaming() noexcept { _mm_sfence(); }
 
 }  // namespace lenticule::frames::weave_kernel

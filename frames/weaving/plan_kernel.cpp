@@ -30,12 +30,8 @@ using Bytes = int8_t __attribute__((vector_size(kRun)));
 
 constexpr Words kAlong = {0, 1, 2, 3, 4, 5, 6, 7};
 
-inline void load(const double* from, Doubles& to) {
-  __builtin_memcpy(&to, from, sizeof to);
-}
-inline Words narrow(const Wide& mask) {
-  return __builtin_convertvector(mask, Words);
-}
+inline void load(const double* from, Doubles& to) { __builtin_memcpy(&to, from, sizeof to); }
+inline Words narrow(const Wide& mask) { return __builtin_convertvector(mask, Words); }
 /// Returns one byte per place, 0xff where the mask is true.
 inline uint64_t bytes_of(const Words& mask) {
   const Bytes bytes = __builtin_convertvector(mask, Bytes);
@@ -44,12 +40,8 @@ inline uint64_t bytes_of(const Words& mask) {
   return all;
 }
 /// Returns the bytes of the first `count` places.
-inline uint64_t first_bytes(int count) {
-  return ~uint64_t{0} >> (8 * (kRun - count));
-}
-inline Doubles magnitude(const Doubles& v) {
-  return v < 0.0 ? -v : v;
-}
+inline uint64_t first_bytes(int count) { return ~uint64_t{0} >> (8 * (kRun - count)); }
+inline Doubles magnitude(const Doubles& v) { return v < 0.0 ? -v : v; }
 
 void read_places(const Picture& picture, const Places& places, double* view, double* column,
                  uint8_t* black) noexcept {
@@ -79,9 +71,7 @@ inline int rounded(double v) {
   return whole + (rest >= 0.5 ? 1 : 0) - (rest <= -0.5 ? 1 : 0);
 }
 
-inline bool is_short(double v) {
-  return v <= 32767.0 && v >= -32767.0;
-}
+inline bool is_short(double v) { return v <= 32767.0 && v >= -32767.0; }
 
 /// Returns the view whose span contains the number, as frames::nearest_view does.
 inline int nearest_view(const Terms& terms, double number) {

@@ -54,9 +54,7 @@ struct Line {
   }
 };
 
-int rounded(double value) {
-  return static_cast<int>(std::lround(value));
-}
+int rounded(double value) { return static_cast<int>(std::lround(value)); }
 
 plan_kernel::Numbers numbers_of(ViewFilter filter) {
   if (filter == ViewFilter::Nearest) return plan_kernel::Numbers::NearestView;
@@ -319,9 +317,7 @@ void WeavePlan::make_spot(double sigma) {
            .views = shape_.count};
 }
 
-int WeavePlan::block_count() const {
-  return (geometry_.height + kRows - 1) / kRows;
-}
+int WeavePlan::block_count() const { return (geometry_.height + kRows - 1) / kRows; }
 
 WeavePlan::Block WeavePlan::block(int index) const {
   const Part& part = parts_[static_cast<size_t>(index / kBlocksPerPart)];

@@ -19,9 +19,7 @@ namespace {
 
 using nlohmann::json;
 
-json triple(Vec3 v) {
-  return {v.x, v.y, v.z};
-}
+json triple(Vec3 v) { return {v.x, v.y, v.z}; }
 
 json camera_json(const std::optional<render::Camera>& camera) {
   if (!camera)
@@ -33,9 +31,7 @@ json camera_json(const std::optional<render::Camera>& camera) {
           {"vertical_fov_degrees", camera->vertical_fov_degrees}};
 }
 
-std::string reason_file(const JudgeJob& job) {
-  return job.picture + ".txt";
-}
+std::string reason_file(const JudgeJob& job) { return job.picture + ".txt"; }
 
 /// Returns the last line that is not empty.
 std::string last_line(std::string text) {
@@ -102,9 +98,7 @@ constexpr double kElevationDegrees = 20.0;
 /// Fraction of the picture's width or height that the bounds fill.
 constexpr double kFill = 0.92;
 
-double radians(double degrees) {
-  return degrees * std::numbers::pi / 180.0;
-}
+double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
 
 }  // namespace
 

@@ -162,9 +162,7 @@ constexpr double kBubbleCellMm = 1.0;
 
 /// Returns the position of a grid point, from -1 to 1. The points are the middles of equal cells,
 /// so that their mean is the mean over the area.
-double place_on_grid(int index) {
-  return (2.0 * index + 1.0) / kFieldGrid - 1.0;
-}
+double place_on_grid(int index) { return (2.0 * index + 1.0) / kFieldGrid - 1.0; }
 
 }  // namespace
 

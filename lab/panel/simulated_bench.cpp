@@ -407,9 +407,7 @@ constexpr double kNanosecondsPerMs = 1e6;
 constexpr double kForgotten = 1e-5;  // smaller remainders of an old frame are ignored
 constexpr int kBandPeriodRows = 90;
 
-double ms_of(Nanoseconds time) {
-  return static_cast<double>(time.count()) / kNanosecondsPerMs;
-}
+double ms_of(Nanoseconds time) { return static_cast<double>(time.count()) / kNanosecondsPerMs; }
 Nanoseconds nanoseconds_of_ms(double ms) {
   return Nanoseconds(std::llround(ms * kNanosecondsPerMs));
 }

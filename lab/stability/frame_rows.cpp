@@ -166,9 +166,7 @@ void add_stripes(render::SceneDescription& scene) {
   }
 }
 
-optics::Rig rig_of(const StabilitySize& size) {
-  return finer(small_rig(), size.full ? 4 : 1);
-}
+optics::Rig rig_of(const StabilitySize& size) { return finer(small_rig(), size.full ? 4 : 1); }
 
 /// Returns a box rotated about two axes, so that rays meet its far faces beyond the critical angle.
 render::TriangleMesh turned_box() {

@@ -53,9 +53,7 @@ optics::Rig rational_rig(const RationalSheet& sheet) {
   return rig;
 }
 
-int64_t floor_divide(int64_t a, int64_t b) {
-  return a / b - (a % b < 0 ? 1 : 0);
-}
+int64_t floor_divide(int64_t a, int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }
 
 struct Owner {
   int64_t lens = 0;

@@ -315,9 +315,7 @@ optics::Rig finer(optics::Rig rig, int times) {
   return rig;
 }
 
-Material glowing(Vec3 colour) {
-  return {.name = "glowing", .diffuse = 0.0, .emission = colour};
-}
+Material glowing(Vec3 colour) { return {.name = "glowing", .diffuse = 0.0, .emission = colour}; }
 
 SceneDescription dark_scene(Vec3 background) {
   SceneDescription scene;

@@ -226,8 +226,6 @@ std::string error_line(const json& id, const Error& error, bool conflict) {
   return event_line(line);
 }
 
-std::string event_line(const ordered_json& event) {
-  return json_text(event) + "\n";
-}
+std::string event_line(const ordered_json& event) { return json_text(event) + "\n"; }
 
 }  // namespace lenticule::player

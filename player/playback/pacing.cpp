@@ -13,13 +13,9 @@ using frames::Rate;
 constexpr double kLockTolerance = 0.005;
 constexpr int64_t kMaxTerm = 1'000'000'000;  // products of two such terms and 1001 fit 64 bits
 
-bool close(double a, double b) {
-  return std::abs(a / b - 1.0) <= kLockTolerance;
-}
+bool close(double a, double b) { return std::abs(a / b - 1.0) <= kLockTolerance; }
 
-bool small_terms(Rate rate) {
-  return rate.numerator <= kMaxTerm && rate.denominator <= kMaxTerm;
-}
+bool small_terms(Rate rate) { return rate.numerator <= kMaxTerm && rate.denominator <= kMaxTerm; }
 
 Rate reduced(int64_t numerator, int64_t denominator) {
   const int64_t divisor = std::gcd(numerator, denominator);

@@ -28,9 +28,7 @@
 namespace lenticule::player {
 
 /// Returns true for the name of a folder that is played as a list: it ends with a slash.
-[[nodiscard]] inline bool names_folder(const std::string& source) {
-  return source.ends_with('/');
-}
+[[nodiscard]] inline bool names_folder(const std::string& source) { return source.ends_with('/'); }
 
 /// Returns the list in the folder, as the folders of a Looking Glass Studio have one; empty: none.
 [[nodiscard]] inline std::string list_in_folder(const std::string& folder) {

@@ -523,9 +523,7 @@ int day_of(std::chrono::year_month_day date) {
   return static_cast<int>((std::chrono::sys_days(date) - kFirstMonday).count());
 }
 
-std::chrono::year_month_day date_of(int day) {
-  return kFirstMonday + std::chrono::days(day);
-}
+std::chrono::year_month_day date_of(int day) { return kFirstMonday + std::chrono::days(day); }
 
 bool DateSpan::contains(int day) const {
   const std::chrono::year_month_day date = date_of(day);

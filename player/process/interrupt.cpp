@@ -61,25 +61,15 @@ bool has_terminal() noexcept {
       UniqueFd(::open("/dev/tty", O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)));
 }
 
-void reload_at_hangup() noexcept {
-  g_reloads.store(true);
-}
+void reload_at_hangup() noexcept { g_reloads.store(true); }
 
-bool take_reload_request() noexcept {
-  return g_reload_wanted.exchange(false);
-}
+bool take_reload_request() noexcept { return g_reload_wanted.exchange(false); }
 
-void say_at_interrupt(const char* text) noexcept {
-  g_text.store(text);
-}
+void say_at_interrupt(const char* text) noexcept { g_text.store(text); }
 
-int interrupt_signal() noexcept {
-  return g_signal.load(std::memory_order_relaxed);
-}
+int interrupt_signal() noexcept { return g_signal.load(std::memory_order_relaxed); }
 
-int interrupt_fd() noexcept {
-  return g_pipe[0];
-}
+int interrupt_fd() noexcept { return g_pipe[0]; }
 
 ExitCode interrupt_exit_code() noexcept {
   switch (interrupt_signal()) {

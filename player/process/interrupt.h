@@ -29,9 +29,7 @@ void say_at_interrupt(const char* text) noexcept;
 
 /// Returns the signal that asked the process to stop, or 0.
 [[nodiscard]] int interrupt_signal() noexcept;
-[[nodiscard]] inline bool interrupted() noexcept {
-  return interrupt_signal() != 0;
-}
+[[nodiscard]] inline bool interrupted() noexcept { return interrupt_signal() != 0; }
 
 /// Returns a descriptor for poll loops that becomes readable when the process is interrupted.
 [[nodiscard]] int interrupt_fd() noexcept;

@@ -126,9 +126,7 @@ RawTerminal::RawTerminal(int fd) {
   throw failed_error("terminal: {}", std::strerror(error));
 }
 
-RawTerminal::~RawTerminal() {
-  restore_terminal_now();
-}
+RawTerminal::~RawTerminal() { restore_terminal_now(); }
 
 void restore_terminal_now() noexcept {
   const int fd = g_fd.exchange(-1);

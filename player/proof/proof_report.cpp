@@ -200,13 +200,9 @@ std::string writer_of(const ProofOrigin& origin) {
                      origin.program.empty() ? "unknown program" : origin.program);
 }
 
-std::string local_day(int64_t time_us) {
-  return formatted(time_us, "%Y-%m-%d");
-}
+std::string local_day(int64_t time_us) { return formatted(time_us, "%Y-%m-%d"); }
 
-std::string local_time(int64_t time_us) {
-  return formatted(time_us, "%Y-%m-%d %H:%M:%S %Z");
-}
+std::string local_time(int64_t time_us) { return formatted(time_us, "%Y-%m-%d %H:%M:%S %Z"); }
 
 std::optional<int64_t> parse_local_time(std::string_view text, int64_t now_us) {
   std::tm time = local(now_us);

@@ -106,9 +106,7 @@ constexpr Nanoseconds kPanelAfterLoss = std::chrono::seconds(10);
 constexpr std::string_view kWindow = "window";
 
 /// Returns true for "window" and "window:...": a virtual display of the same form with a window.
-bool is_window_spec(std::string_view spec) {
-  return spec.substr(0, spec.find(':')) == kWindow;
-}
+bool is_window_spec(std::string_view spec) { return spec.substr(0, spec.find(':')) == kWindow; }
 
 /// Returns the loops. Test cards, black frames and numbered views loop forever by default.
 uint64_t parse_loops(const PlayFlags& flags, SourceKind kind) {

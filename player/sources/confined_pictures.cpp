@@ -349,8 +349,6 @@ std::vector<pid_t> ConfinedPictures::idle() const {
   return pids;
 }
 
-uint64_t ConfinedPictures::started() const {
-  return usual_->started() + all_->started();
-}
+uint64_t ConfinedPictures::started() const { return usual_->started() + all_->started(); }
 
 }  // namespace lenticule::player

@@ -145,9 +145,7 @@ std::vector<std::string> names_of_views(const SourceSpec& source) {
   return names;
 }
 
-bool is_video(const std::string& name) {
-  return kind_of_file(name) == SourceKind::Video;
-}
+bool is_video(const std::string& name) { return kind_of_file(name) == SourceKind::Video; }
 
 /// Refuses depth in float files: depth is read as 8-bit codes, and float files have another scale.
 void refuse_float_depth(const std::string& file) {
@@ -397,9 +395,7 @@ std::optional<frames::StereoLayout> find_stereo(ViewInput& input, const std::str
 
 }  // namespace
 
-int decoding_threads() {
-  return std::clamp(all_threads() - 1, 1, kMaxDecoderThreads);
-}
+int decoding_threads() { return std::clamp(all_threads() - 1, 1, kMaxDecoderThreads); }
 
 int all_threads() {
   return std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMaxThreads);

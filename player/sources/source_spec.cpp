@@ -129,9 +129,7 @@ bool is_m3u_name(const std::string& file) {
   return extension == ".m3u" || extension == ".m3u8";
 }
 
-bool is_json_name(const std::string& file) {
-  return lower_case(file).ends_with(".json");
-}
+bool is_json_name(const std::string& file) { return lower_case(file).ends_with(".json"); }
 
 SourceKind kind_of_file(const fs::path& file) {
   if (frames::is_sequence_name(file)) return SourceKind::Sequence;
@@ -154,9 +152,7 @@ SourceSpec parse_source(std::string text, ContentFlags content, const fs::path& 
   return {.kind = kind, .text = std::move(text), .content = std::move(content)};
 }
 
-bool SourceSpec::has_pictures() const {
-  return kind != SourceKind::List && !files().empty();
-}
+bool SourceSpec::has_pictures() const { return kind != SourceKind::List && !files().empty(); }
 
 bool SourceSpec::may_be_still() const {
   const std::string name = lower_case(text);

@@ -230,9 +230,7 @@ std::optional<VideoEvent> parse_video_event(std::string_view line) {
   return event;
 }
 
-fs::path find_video_program() {
-  return require_program("videos", kProgram, "lenticule-media");
-}
+fs::path find_video_program() { return require_program("videos", kProgram, "lenticule-media"); }
 
 std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {
   std::vector<VideoStream> all = probe(file, program).pictures;

@@ -28,9 +28,7 @@ int widest_packet_of(RTCDevice device) {
 
 }  // namespace
 
-int widest_packet() {
-  return widest.load(std::memory_order_relaxed);
-}
+int widest_packet() { return widest.load(std::memory_order_relaxed); }
 
 /// Embree may call back from any of its threads.
 struct EmbreeDevice::Report {

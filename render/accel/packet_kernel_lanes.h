@@ -27,15 +27,9 @@ inline Floats3 operator+(const Floats3& a, const Floats3& b) {
 inline Floats3 operator-(const Floats3& a, const Floats3& b) {
   return {a.x - b.x, a.y - b.y, a.z - b.z};
 }
-inline Floats3 operator-(const Floats3& a) {
-  return {-a.x, -a.y, -a.z};
-}
-inline Floats3 operator*(const Floats3& a, const Floats& s) {
-  return {a.x * s, a.y * s, a.z * s};
-}
-inline Floats dot(const Floats3& a, const Floats3& b) {
-  return a.x * b.x + a.y * b.y + a.z * b.z;
-}
+inline Floats3 operator-(const Floats3& a) { return {-a.x, -a.y, -a.z}; }
+inline Floats3 operator*(const Floats3& a, const Floats& s) { return {a.x * s, a.y * s, a.z * s}; }
+inline Floats dot(const Floats3& a, const Floats3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline Floats3 cross(const Floats3& a, const Floats3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }

@@ -30,9 +30,7 @@ Vec3 outer_normal(const ConeShape& cone, Vec3 point) {
   return cone.inward ? -outward : outward;
 }
 
-double extent_of(const SphereShape& sphere) {
-  return sphere.radius;
-}
+double extent_of(const SphereShape& sphere) { return sphere.radius; }
 
 double extent_of(const ConeShape& cone) {
   return std::max({cone.height, cone.base_radius, cone.base_radius + cone.slope * cone.height});
@@ -54,9 +52,7 @@ Vec3 disc_extent(const Affine& map, Vec3 normal, double radius) {
 }
 
 /// Returns the distance from zero to the nearest number in [low, high].
-double distance_to_range(double low, double high) {
-  return std::max({low, -high, 0.0});
-}
+double distance_to_range(double low, double high) { return std::max({low, -high, 0.0}); }
 
 }  // namespace
 

@@ -128,9 +128,7 @@ inline constexpr double kWidest = 2048.0;
 /// Returns the extent to use in rounding margins: the rounding error on a shape is proportional to
 /// the larger of its coordinates and this value. Wide shapes count as no wider than kWidest, plus
 /// the roundings of double precision.
-[[nodiscard]] inline double wide_reach(double extent) {
-  return kWidest + extent * 0x1p-24;
-}
+[[nodiscard]] inline double wide_reach(double extent) { return kWidest + extent * 0x1p-24; }
 
 struct WideTriangle {
   std::array<Vec3, 3> corner{};

@@ -107,9 +107,7 @@ inline Doubles distance(const Cone& cone, const Doubles3& origin, const Doubles3
 inline Doubles absolute(const Doubles& v) {
   return reinterpret_cast<Doubles>(reinterpret_cast<DoubleMasks>(v) & 0x7fffffffffffffff);
 }
-inline Doubles larger(const Doubles& a, const Doubles& b) {
-  return a < b ? b : a;
-}
+inline Doubles larger(const Doubles& a, const Doubles& b) { return a < b ? b : a; }
 
 inline Doubles distance(const Triangle& triangle, const Doubles3& origin, const Doubles3& direction,
                         const Doubles& near, const Doubles& far) {

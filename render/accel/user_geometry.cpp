@@ -17,9 +17,7 @@ float rounded_down(double v) {
   constexpr float kBelow = -std::numeric_limits<float>::infinity();
   return std::nextafter(std::nextafter(static_cast<float>(v), kBelow), kBelow);
 }
-float rounded_up(double v) {
-  return -rounded_down(-v);
-}
+float rounded_up(double v) { return -rounded_down(-v); }
 
 template <class Shape>
 const Shape& shape_of(void* user_data, unsigned primitive) {

@@ -30,20 +30,14 @@ double DepthOfField::along_mm(double tan_x, double tan_y) const {
 
 /// The depth of field first grows with t_y and then falls, or only falls, so the minimum is at
 /// an end.
-double DepthOfField::least_mm() const {
-  return std::min(along_mm(1.0, 0.0), along_mm(1.0, 1.0));
-}
+double DepthOfField::least_mm() const { return std::min(along_mm(1.0, 0.0), along_mm(1.0, 1.0)); }
 
 namespace {
 
 /// Wraps a value to [-1/2, 1/2).
-double wrapped(double value) {
-  return value - std::floor(value + 0.5);
-}
+double wrapped(double value) { return value - std::floor(value + 0.5); }
 
-int largest_odd(int count) {
-  return count - (count + 1) % 2;
-}
+int largest_odd(int count) { return count - (count + 1) % 2; }
 
 /// Steps from one place to the next: down, and across the lens.
 struct Steps {

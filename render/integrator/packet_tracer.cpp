@@ -393,9 +393,7 @@ constexpr Weights all_of(float weight) {
 }
 constexpr Weights kWhole = all_of(1.0F);
 
-uint8_t code_of_light(float light) {
-  return frames::code_from_linear(double{light});
-}
+uint8_t code_of_light(float light) { return frames::code_from_linear(double{light}); }
 
 }  // namespace
 

@@ -58,9 +58,7 @@ Quaternion unit(const Quaternion& q) {
   return {q[0] / n, q[1] / n, q[2] / n, q[3] / n};
 }
 
-Vec3 mix(Vec3 a, Vec3 b, double t) {
-  return a * (1.0 - t) + b * t;
-}
+Vec3 mix(Vec3 a, Vec3 b, double t) { return a * (1.0 - t) + b * t; }
 
 /// Interpolates spherically along the shorter arc.
 Quaternion mix(const Quaternion& from, const Quaternion& to, double t) {
@@ -145,9 +143,7 @@ Vec3 turned_normal(const Affine& a, Vec3 n) {
 
 using Tangent = std::array<float, 4>;
 
-Vec3 direction_of(const Tangent& t) {
-  return Vec3(Vec3f(t[0], t[1], t[2]));
-}
+Vec3 direction_of(const Tangent& t) { return Vec3(Vec3f(t[0], t[1], t[2])); }
 
 void set_direction(Tangent& tangent, Vec3 direction) {
   Vec3f unit_direction(normalized(direction));

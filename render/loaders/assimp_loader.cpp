@@ -49,9 +49,7 @@ template <class V>
 Vec3 vec3(const V& v) {
   return {static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)};
 }
-Vec3 colour_of(const aiColor3D& c) {
-  return Vec3(Vec3f(c.r, c.g, c.b));
-}
+Vec3 colour_of(const aiColor3D& c) { return Vec3(Vec3f(c.r, c.g, c.b)); }
 
 /// Index of the first node of each name.
 using NodeNames = std::unordered_map<std::string, int>;
@@ -257,9 +255,7 @@ NodeNames import_nodes_and_meshes(const aiScene& from, SceneDescription& scene) 
 constexpr double kShiniest = 1e5;
 constexpr double kUsualIndex = 1.5;
 
-double luminance(Vec3 c) {
-  return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
-}
+double luminance(Vec3 c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
 
 double clamped(double value, double low, double high) {
   return std::isfinite(value) ? std::clamp(value, low, high) : low;
@@ -466,9 +462,7 @@ void import_materials(const aiScene& from, const std::filesystem::path& file,
 constexpr double kTicksPerSecondUnlessStated = 25.0;
 constexpr double kLongestSeconds = 1e7;
 
-Vec3 value_of(const aiVectorKey& key) {
-  return vec3(key.mValue);
-}
+Vec3 value_of(const aiVectorKey& key) { return vec3(key.mValue); }
 std::array<double, 4> value_of(const aiQuatKey& key) {
   return {key.mValue.x, key.mValue.y, key.mValue.z, key.mValue.w};
 }

@@ -153,9 +153,7 @@ void turn_upright(SceneDescription& scene, UpAxis up) {
   transform_scene(scene, std::ranges::find(kAxes, up, &AxisTurn::axis)->turn);
 }
 
-void use_scene_reader(const SceneReader* reader) noexcept {
-  chosen_reader.store(reader);
-}
+void use_scene_reader(const SceneReader* reader) noexcept { chosen_reader.store(reader); }
 
 SceneDescription load_scene(const std::filesystem::path& file, const LoadOptions& options) {
   require_file(file);

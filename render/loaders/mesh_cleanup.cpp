@@ -297,9 +297,7 @@ FaceTangent face_tangent(const TriangleMesh& mesh, const Uvs& uvs,
 }
 
 /// Returns the part of `v` in the plane with the unit normal `n`, as a unit vector or zero.
-Vec3 in_plane(Vec3 v, Vec3 n) {
-  return normalized(v - n * dot(n, v));
-}
+Vec3 in_plane(Vec3 v, Vec3 n) { return normalized(v - n * dot(n, v)); }
 
 /// TangentSums holds the sums of each group of equal vertices, one per orientation.
 class TangentSums {

@@ -70,9 +70,7 @@ class LostDigits {
   double step_ = 0.0;      ///< that step in units of the file
 };
 
-[[nodiscard]] inline bool is_unit(Vec3 v) {
-  return std::abs(dot(v, v) - 1.0) < 1e-6;
-}
+[[nodiscard]] inline bool is_unit(Vec3 v) { return std::abs(dot(v, v) - 1.0) < 1e-6; }
 /// Returns what is wrong with a position, "not finite" or "too far away"; else null.
 [[nodiscard]] const char* flaw_of(Vec3 position);
 /// Returns zeros for coordinates so large that no texel can be told from its neighbours.

@@ -28,9 +28,7 @@
 namespace lenticule::render {
 namespace {
 
-[[noreturn]] void refuse(const std::string& cause) {
-  throw Error(ErrorKind::Input, cause);
-}
+[[noreturn]] void refuse(const std::string& cause) { throw Error(ErrorKind::Input, cause); }
 
 constexpr size_t kAlignment = alignof(double);
 
@@ -51,9 +49,7 @@ void fields(auto& archive, Texture& of) {
           of.mirror_v, of.name);
 }
 
-void fields(auto& archive, TextureUse& of) {
-  archive(of.texture, of.uv_set, of.uv_map);
-}
+void fields(auto& archive, TextureUse& of) { archive(of.texture, of.uv_set, of.uv_map); }
 
 void fields(auto& archive, PbrMaterial& of) {
   for (const auto number : kPbrNumbers) archive(of.*number);
@@ -68,13 +64,9 @@ void fields(auto& archive, Material& of) {
           of.refraction_index, of.emission, of.tinted_specular, of.two_sided, of.texture, of.pbr);
 }
 
-void fields(auto& archive, Skin& of) {
-  archive(of.joints, of.joint_from_mesh);
-}
+void fields(auto& archive, Skin& of) { archive(of.joints, of.joint_from_mesh); }
 
-void fields(auto& archive, MorphTarget& of) {
-  archive(of.positions, of.normals, of.tangents);
-}
+void fields(auto& archive, MorphTarget& of) { archive(of.positions, of.normals, of.tangents); }
 
 void fields(auto& archive, Deformation& of) {
   archive(of.targets, of.skin, of.joints_per_vertex, of.joints, of.weights);
@@ -85,9 +77,7 @@ void fields(auto& archive, TriangleMesh& of) {
           of.tangents, of.node, of.deformation, of.shape, of.place);
 }
 
-void fields(auto& archive, Sphere& of) {
-  archive(of.centre, of.radius, of.inward, of.material);
-}
+void fields(auto& archive, Sphere& of) { archive(of.centre, of.radius, of.inward, of.material); }
 
 void fields(auto& archive, Cone& of) {
   archive(of.base, of.base_radius, of.apex, of.apex_radius, of.inward, of.material);
@@ -112,9 +102,7 @@ void fields(auto& archive, Node& of) {
           of.translations, of.rotations, of.scales, of.morph_weights, of.morph_weight_keys);
 }
 
-void fields(auto& archive, Selection& of) {
-  archive(of.names, of.taken);
-}
+void fields(auto& archive, Selection& of) { archive(of.names, of.taken); }
 
 void fields(auto& archive, SceneDescription& of) {
   archive(of.source, of.materials, of.textures, of.meshes, of.shapes, of.spheres, of.cones,

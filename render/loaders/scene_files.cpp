@@ -75,9 +75,7 @@ const SceneFiles& files() {
 
 }  // namespace
 
-void use_scene_files(const SceneFiles* files) noexcept {
-  chosen_files.store(files);
-}
+void use_scene_files(const SceneFiles* files) noexcept { chosen_files.store(files); }
 
 std::vector<uint8_t> read_scene_file(const std::filesystem::path& file) {
   return files().read(file);

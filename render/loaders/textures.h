@@ -75,8 +75,6 @@ using Mix = std::array<float, 4> (*)(const float* a, const float* b);
 [[nodiscard]] std::array<float, 4> mix_metallic_roughness(const float* rough, const float* metal);
 
 /// A picture of one white texel, for a part that the file does not have.
-[[nodiscard]] inline frames::FloatImage white_picture() {
-  return {1, 1, {1, 1, 1, 1}};
-}
+[[nodiscard]] inline frames::FloatImage white_picture() { return {1, 1, {1, 1, 1, 1}}; }
 
 }  // namespace lenticule::render

@@ -49,8 +49,6 @@ void validate(const SoftLight& soft) {
                 "use one of the two; environment light includes occlusion");
 }
 
-int arena_threads(int threads) {
-  return threads > 0 ? threads : tbb::task_arena::automatic;
-}
+int arena_threads(int threads) { return threads > 0 ? threads : tbb::task_arena::automatic; }
 
 }  // namespace lenticule::render

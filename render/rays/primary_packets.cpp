@@ -51,9 +51,7 @@ void extend_or_spoil(double value, Interval& interval) {
 }
 
 /// Returns the arrays of a packet as one array of floats, as the kernel writes them.
-float* floats_of(RayPacket& packet) {
-  return packet.rays.ray.org_x;
-}
+float* floats_of(RayPacket& packet) { return packet.rays.ray.org_x; }
 
 }  // namespace
 

@@ -30,9 +30,7 @@ inline Floats off_of(const Tile& t, int column, int colour) {
   });
 }
 
-inline Masks unsure(const Tile& t, const Floats& off) {
-  return off * off > t.safe * t.safe;
-}
+inline Masks unsure(const Tile& t, const Floats& off) { return off * off > t.safe * t.safe; }
 
 template <int kCoefficients>
 inline void write_rays(const Tile& t, int column, int colour, const Floats& off, float* out) {

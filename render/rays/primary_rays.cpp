@@ -108,9 +108,7 @@ BeamSize beam_of(const optics::Rig& rig) {
           .inverse_distance = 1.0 / rig.viewing.distance.value};
 }
 
-int ceiling_quotient(int a, int b) {
-  return (a + b - 1) / b;
-}
+int ceiling_quotient(int a, int b) { return (a + b - 1) / b; }
 
 }  // namespace
 

@@ -37,9 +37,7 @@ constexpr int kPiecesPerTileRange = 4;
 
 using Polynomial = std::array<double, kMost>;
 
-double chebyshev_point(int k, int count) {
-  return std::cos(std::numbers::pi * (k + 0.5) / count);
-}
+double chebyshev_point(int k, int count) { return std::cos(std::numbers::pi * (k + 0.5) / count); }
 
 /// Returns the coefficients, in powers of y in [-1, 1], of the polynomial that takes `values` at
 /// the Chebyshev points.
@@ -440,9 +438,7 @@ std::unique_ptr<TileOptics> TileOptics::make_first(const optics::OpticalModel& m
 TileOptics::TileOptics(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 TileOptics::~TileOptics() = default;
 
-const TileOptics::Constants& TileOptics::constants() const {
-  return *impl_;
-}
+const TileOptics::Constants& TileOptics::constants() const { return *impl_; }
 
 bool TileOptics::expand(int row_begin, int column_begin, Tile& out) const {
   return impl_->expand(row_begin, column_begin, out);

@@ -14,9 +14,7 @@ namespace {
 
 constexpr size_t kLanes = sweep_kernel::kLanes;
 
-constexpr size_t rounded_up(size_t count) {
-  return (count + kLanes - 1) / kLanes * kLanes;
-}
+constexpr size_t rounded_up(size_t count) { return (count + kLanes - 1) / kLanes * kLanes; }
 
 /// Returns the first element at a vector boundary; the buffer has space for the shift.
 template <class T>
@@ -131,9 +129,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 float below(double v) {
   return std::nextafter(static_cast<float>(v), -std::numeric_limits<float>::infinity());
 }
-float above(double v) {
-  return -below(-v);
-}
+float above(double v) { return -below(-v); }
 
 /// CutEnd is one end of a triangle's cut. The point is computed from the corner on the negative
 /// side toward the other, in every triangle: neighbours get the same bits, and no ray passes

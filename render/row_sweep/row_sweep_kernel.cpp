@@ -15,15 +15,9 @@ using Eight = Vector<float, kBlock>;
 using NativeFloats = Vector<float, kWidth>;
 using NativeInts = Vector<int32_t, kWidth>;
 
-inline Unaligned<NativeFloats>& native(float* at) {
-  return vector_at<NativeFloats>(at);
-}
-inline const Unaligned<NativeInts>& native(const int32_t* at) {
-  return vector_at<NativeInts>(at);
-}
-inline Unaligned<NativeInts>& native(int32_t* at) {
-  return vector_at<NativeInts>(at);
-}
+inline Unaligned<NativeFloats>& native(float* at) { return vector_at<NativeFloats>(at); }
+inline const Unaligned<NativeInts>& native(const int32_t* at) { return vector_at<NativeInts>(at); }
+inline Unaligned<NativeInts>& native(int32_t* at) { return vector_at<NativeInts>(at); }
 
 alignas(64) constexpr int32_t kCount[kLanes] = {0, 1, 2,  3,  4,  5,  6,  7,
                                                 8, 9, 10, 11, 12, 13, 14, 15};
@@ -54,9 +48,7 @@ inline Floats off_of(const Pattern& t, int column, int32_t* lens) {
   using Numbers = Vector<int32_t, kDoubles>;
   constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
   return narrowed([&](int first) {
-    const auto term = [&](int n) -> const auto& {
-      return vector_at<Doubles>(&t.phase[n][first]);
-    };
+    const auto term = [&](int n) -> const auto& { return vector_at<Doubles>(&t.phase[n][first]); };
     const Numbers number = vector_at<Numbers>(kCount + first).v + column;
     const Doubles c = __builtin_convertvector(number, Doubles);
     const Doubles phase = term(0).v + c * (term(1).v + c * term(2).v);

@@ -80,9 +80,7 @@ void validate(const StageOptions& o) {
   check(!o.pitch_degrees || std::abs(*o.pitch_degrees) <= 90.0, "the pitch must lie in -90..90");
 }
 
-double radians(double degrees) {
-  return degrees * std::numbers::pi / 180.0;
-}
+double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
 
 Orientation camera_orientation(const Camera& camera) {
   Orientation o;

@@ -352,9 +352,7 @@ Vec3 sky_colour(double up_cosine) {
   return {sky_light(direction, kUp, 0), sky_light(direction, kUp, 1), sky_light(direction, kUp, 2)};
 }
 
-Vec3 world_up(const Stage& stage) {
-  return nearest_axis(world_from_canvas(stage).column_y);
-}
+Vec3 world_up(const Stage& stage) { return nearest_axis(world_from_canvas(stage).column_y); }
 
 Backdrop make_backdrop(const SceneDescription& description, const Stage& stage,
                        const Surroundings& surroundings) {

@@ -48,9 +48,7 @@ Neighbours neighbours(double coordinate, int size, bool repeat, bool mirror) {
 }
 
 /// Interpolates; the result lies between a and b since part < 1.
-double blended(double a, double b, double part) {
-  return a + part * (b - a);
-}
+double blended(double a, double b, double part) { return a + part * (b - a); }
 
 }  // namespace
 

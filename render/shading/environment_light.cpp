@@ -40,14 +40,10 @@ Vec2 place_of(Vec3 direction) {
   return {0.5 + 0.5 * x, 0.5 + 0.5 * z};
 }
 
-Vec2 middle(int x, int y, int size) {
-  return {(x + 0.5) / size, (y + 0.5) / size};
-}
+Vec2 middle(int x, int y, int size) { return {(x + 0.5) / size, (y + 0.5) / size}; }
 
 /// Size of the map for a roughness: some texels across the lobe.
-int size_for(double roughness) {
-  return roughness < 0.2 ? 128 : roughness < 0.3 ? 64 : 32;
-}
+int size_for(double roughness) { return roughness < 0.2 ? 128 : roughness < 0.3 ? 64 : 32; }
 
 /// Sample of the lobe around the z axis: its direction, its weight, and the map from which it is
 /// taken.

@@ -208,15 +208,9 @@ inline Double3 operator+(const Double3& a, const Double3& b) {
 inline Double3 operator-(const Double3& a, const Double3& b) {
   return {a.x - b.x, a.y - b.y, a.z - b.z};
 }
-inline Double3 operator*(const Double3& a, double s) {
-  return {a.x * s, a.y * s, a.z * s};
-}
-inline double dot(const Double3& a, const Double3& b) {
-  return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-inline Double3 point(const double (&v)[3]) {
-  return {v[0], v[1], v[2]};
-}
+inline Double3 operator*(const Double3& a, double s) { return {a.x * s, a.y * s, a.z * s}; }
+inline double dot(const Double3& a, const Double3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Double3 point(const double (&v)[3]) { return {v[0], v[1], v[2]}; }
 /// Normalizes; the zero vector stays zero.
 inline Double3 unit(const Double3& v) {
   const double length = __builtin_sqrt(dot(v, v));
@@ -235,9 +229,7 @@ inline Double3 met_point(const float* packet, int r) {
          vector(packet_kernel::kDirectionX) * at(packet_kernel::kTFar);
 }
 
-inline double clamped01(double v) {
-  return v > 0.0 ? (v < 1.0 ? v : 1.0) : 0.0;
-}
+inline double clamped01(double v) { return v > 0.0 ? (v < 1.0 ? v : 1.0) : 0.0; }
 
 /// Projects the points into the triangle's plane and clamps them to the triangle.
 inline void on_wide_triangle(const WideTriangle& t, const float* packet, WideLanes& out) {

@@ -12,9 +12,7 @@ namespace {
 /// Four numbers of one lane.
 using Four = float __attribute__((vector_size(16)));
 
-inline Four four_at(const float* at) {
-  return reinterpret_cast<const Unaligned<Four>*>(at)->v;
-}
+inline Four four_at(const float* at) { return reinterpret_cast<const Unaligned<Four>*>(at)->v; }
 
 struct Albedo {
   Floats scale, bias;
@@ -157,15 +155,9 @@ inline Floats3 mirrored_light(const pbr_kernel::Map* maps, const Floats3& direct
 
 // ---- tone maps of render/scene/surroundings.h
 
-inline Floats largest_of(const Floats3& v) {
-  return max(max(v.x, v.y), v.z);
-}
-inline Floats smallest_of(const Floats3& v) {
-  return min(min(v.x, v.y), v.z);
-}
-inline Floats3 all(const Floats& v) {
-  return {v, v, v};
-}
+inline Floats largest_of(const Floats3& v) { return max(max(v.x, v.y), v.z); }
+inline Floats smallest_of(const Floats3& v) { return min(min(v.x, v.y), v.z); }
+inline Floats3 all(const Floats& v) { return {v, v, v}; }
 
 inline Floats3 pbr_neutral(const Floats3& light) {
   constexpr float kFloor = 0.04F;
@@ -234,9 +226,7 @@ inline Floats fifth_power(const Floats& v) {
   const Floats squared = v * v;
   return squared * squared * v;
 }
-inline Masks nonzero(const Floats3& v) {
-  return (v.x != 0.0F) | (v.y != 0.0F) | (v.z != 0.0F);
-}
+inline Masks nonzero(const Floats3& v) { return (v.x != 0.0F) | (v.y != 0.0F) | (v.z != 0.0F); }
 
 // ---- points
 
@@ -375,9 +365,7 @@ using pbr_kernel::AxesInput;
 using pbr_kernel::Textures;
 using pbr_kernel::Values;
 
-inline const Floats& channel(const Values& values, int c) {
-  return floats_at(values.channel[c]);
-}
+inline const Floats& channel(const Values& values, int c) { return floats_at(values.channel[c]); }
 inline Floats3 colour(const Values& values) {
   return {channel(values, 0), channel(values, 1), channel(values, 2)};
 }

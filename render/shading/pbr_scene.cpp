@@ -317,18 +317,14 @@ namespace {
 constexpr Vec3 kWhite{1, 1, 1};
 constexpr Vec3 kCoatF0{Limits::kCoatF0, Limits::kCoatF0, Limits::kCoatF0};
 
-Vec3 mixed(Vec3 a, Vec3 b, double part) {
-  return a + (b - a) * part;
-}
+Vec3 mixed(Vec3 a, Vec3 b, double part) { return a + (b - a) * part; }
 
 Vec3 quotient(Vec3 a, Vec3 b) {
   const auto each = [](double x, double y) { return y > 0.0 ? x / y : 1.0; };
   return {each(a.x, b.x), each(a.y, b.y), each(a.z, b.z)};
 }
 
-Vec3 mirrored(Vec3 view, Vec3 normal) {
-  return normal * (2.0 * dot(view, normal)) - view;
-}
+Vec3 mirrored(Vec3 view, Vec3 normal) { return normal * (2.0 * dot(view, normal)) - view; }
 
 double seen_cosine(Vec3 normal, Vec3 view) {
   return std::clamp(dot(normal, view), Limits::kSmallestCosine, 1.0);
@@ -466,9 +462,7 @@ Vec3 PbrShader::of_environment(const EnvironmentLight& light, const Frame& frame
   return sum;
 }
 
-Vec3 PbrShader::emitted() const {
-  return point_.emission * below_coat_;
-}
+Vec3 PbrShader::emitted() const { return point_.emission * below_coat_; }
 
 Vec3 PbrShader::transmitted() const {
   return point_.colour * (point_.transmission * below_mirror_ * below_sheen_ * below_coat_);
@@ -476,13 +470,9 @@ Vec3 PbrShader::transmitted() const {
 
 namespace {
 
-Vec3 colour_of(const MipMaps::Value& value) {
-  return {value[0], value[1], value[2]};
-}
+Vec3 colour_of(const MipMaps::Value& value) { return {value[0], value[1], value[2]}; }
 
-double clamped01(double v) {
-  return std::clamp(v, 0.0, 1.0);
-}
+double clamped01(double v) { return std::clamp(v, 0.0, 1.0); }
 
 Vec3 perpendicular(Vec3 unit) {
   return normalized(cross(unit, std::abs(unit.x) < 0.6 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}));

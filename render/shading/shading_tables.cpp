@@ -114,9 +114,7 @@ shading_kernel::Geometry table_entry(const MeshShape& mesh,
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-float largest_part(Vec3 v) {
-  return static_cast<float>(largest(v));
-}
+float largest_part(Vec3 v) { return static_cast<float>(largest(v)); }
 
 /// Returns an upper bound of the light from all light sources together; infinite if one of them
 /// falls off, since its intensity is unbounded.

@@ -14,9 +14,7 @@ namespace {
 
 using Value = MipMaps::Value;
 
-double clamped01(double v) {
-  return v > 0.0 ? std::min(v, 1.0) : 0.0;
-}
+double clamped01(double v) { return v > 0.0 ? std::min(v, 1.0) : 0.0; }
 
 const std::array<double, 256>& share_of_codes() {
   static const std::array<double, 256> shares = [] {
@@ -27,9 +25,7 @@ const std::array<double, 256>& share_of_codes() {
   return shares;
 }
 
-uint8_t nearest_code(double v) {
-  return static_cast<uint8_t>(clamped01(v) * 255.0 + 0.5);
-}
+uint8_t nearest_code(double v) { return static_cast<uint8_t>(clamped01(v) * 255.0 + 0.5); }
 
 /// Returns the sRGB codes of the shares n / kLightSteps of white's light.
 constexpr uint32_t kLightSteps = 1U << 14;

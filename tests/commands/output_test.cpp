@@ -196,9 +196,7 @@ void add_keys(const json& object, const std::string& outer, std::set<std::string
   }
 }
 
-std::string page(const std::string& name) {
-  return read_text(source_file("docs/play/" + name));
-}
+std::string page(const std::string& name) { return read_text(source_file("docs/play/" + name)); }
 
 /// Returns the names in the first cells of the page's tables.
 std::set<std::string> documented_keys(const std::string& text) {

@@ -109,9 +109,7 @@ TEST_F(RingExamples, ThePythonRenderersFramesAreDisplayedUnchanged) {
   expect_shown({"/usr/bin/python3", source_file("docs/examples/ring_renderer.py")});
 }
 
-TEST_F(RingExamples, TheViewsOfTheCApiAreWoven) {
-  expect_woven({PUSH_VIEWS_EXAMPLE});
-}
+TEST_F(RingExamples, TheViewsOfTheCApiAreWoven) { expect_woven({PUSH_VIEWS_EXAMPLE}); }
 
 TEST_F(RingExamples, TheViewsOfThePythonRendererAreWoven) {
   expect_woven({"/usr/bin/python3", source_file("docs/examples/ring_renderer.py"), "views"});

@@ -73,9 +73,7 @@ GltfModel sphere_model() {
   return model;
 }
 
-json& core(GltfModel& model) {
-  return model.material()["pbrMetallicRoughness"];
-}
+json& core(GltfModel& model) { return model.material()["pbrMetallicRoughness"]; }
 
 void extend(GltfModel& model, const std::string& extension, const json& properties) {
   model.json["extensionsUsed"].push_back(extension);

@@ -72,9 +72,7 @@ class Bits {
   int used_ = 0;      ///< number of bits in last_
 };
 
-unsigned blocks(int size) {
-  return static_cast<unsigned>((size + kBlock - 1) / kBlock);
-}
+unsigned blocks(int size) { return static_cast<unsigned>((size + kBlock - 1) / kBlock); }
 
 void put_range(Bits& bits) {
   bits.put(0, 2);  // aspect ratio, overscan

@@ -35,12 +35,8 @@ class Dice {
   std::mt19937_64 engine_;
 };
 
-uint8_t low(unsigned value) {
-  return static_cast<uint8_t>(value);
-}
-uint8_t high(unsigned value) {
-  return static_cast<uint8_t>(value >> 8);
-}
+uint8_t low(unsigned value) { return static_cast<uint8_t>(value); }
+uint8_t high(unsigned value) { return static_cast<uint8_t>(value >> 8); }
 
 void close_block(Bytes& block, size_t last) {
   const auto sum = std::accumulate(block.begin(), block.begin() + static_cast<ptrdiff_t>(last), 0U);

@@ -20,9 +20,7 @@ using render::TriangleMesh;
 constexpr Vec3 kLightLeft{-7.13, 8.29, 9.41};
 constexpr Vec3 kLightRight{6.37, 5.71, 7.93};
 
-Material matte(Vec3 colour) {
-  return Material{.name = "matte", .colour = colour};
-}
+Material matte(Vec3 colour) { return Material{.name = "matte", .colour = colour}; }
 
 Material plastic(Vec3 colour) {
   return Material{

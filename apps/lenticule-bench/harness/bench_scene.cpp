@@ -75,7 +75,5 @@ double peak_resident_mib() {
   return 0.0;
 }
 
-void reset_peak_resident() {
-  std::ofstream("/proc/self/clear_refs") << "5";
-}
+void reset_peak_resident() { std::ofstream("/proc/self/clear_refs") << "5"; }
 }  // namespace lenticule::bench

@@ -83,9 +83,7 @@ void reset_peak_resident();
   clock_gettime(clock, &time);
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
-[[nodiscard]] inline double seconds_now() {
-  return clock_seconds(CLOCK_MONOTONIC);
-}
+[[nodiscard]] inline double seconds_now() { return clock_seconds(CLOCK_MONOTONIC); }
 [[nodiscard]] inline double process_cpu_seconds() {
   return clock_seconds(CLOCK_PROCESS_CPUTIME_ID);
 }

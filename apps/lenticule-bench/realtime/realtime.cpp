@@ -59,9 +59,7 @@ UniqueFd any_of(std::span<const int> descriptors) {
   return set;
 }
 
-double milliseconds_of(int64_t ns) {
-  return static_cast<double>(ns) * 1e-6;
-}
+double milliseconds_of(int64_t ns) { return static_cast<double>(ns) * 1e-6; }
 
 double mean(const std::vector<double>& values) {
   return values.empty() ? 0.0
@@ -350,9 +348,7 @@ json measure_realtime(const LiveSetup& setup, const PlayerSetup& player) {
   return figures;
 }
 
-double number(const json& from, const char* key) {
-  return from.at(key).get<double>();
-}
+double number(const json& from, const char* key) { return from.at(key).get<double>(); }
 
 /// Returns the name of a share as a sentence has it.
 std::string bound_text(const std::string& name) {

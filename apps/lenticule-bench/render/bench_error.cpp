@@ -53,9 +53,7 @@ std::vector<double> seen(const json& frames, const char* key, size_t from = 0) {
   return list;
 }
 
-json ratio(double part, double whole) {
-  return whole > 0.0 ? json(part / whole) : json();
-}
+json ratio(double part, double whole) { return whole > 0.0 ? json(part / whole) : json(); }
 
 std::vector<double> without_first(std::vector<double> list) {
   if (!list.empty()) list.erase(list.begin());

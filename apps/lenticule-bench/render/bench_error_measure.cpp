@@ -104,9 +104,7 @@ void move(render::TriangleMesh& mesh, Vec3 by) {
   mesh.place.origin = mesh.place.origin + by;
   for (Vec3& p : mesh.positions) p = p + by;
 }
-void move(render::Sphere& sphere, Vec3 by) {
-  sphere.centre = sphere.centre + by;
-}
+void move(render::Sphere& sphere, Vec3 by) { sphere.centre = sphere.centre + by; }
 void move(render::Cone& cone, Vec3 by) {
   cone.base = cone.base + by;
   cone.apex = cone.apex + by;

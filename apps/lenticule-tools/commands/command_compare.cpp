@@ -121,9 +121,7 @@ using nlohmann::json;
 constexpr std::array<const char*, 3> kChannelNames = {"red", "green", "blue"};
 constexpr std::array<int, 3> kLevels = {1, 8, 32};
 
-json number_or_null(std::optional<double> number) {
-  return number ? json(*number) : json(nullptr);
-}
+json number_or_null(std::optional<double> number) { return number ? json(*number) : json(nullptr); }
 
 json figures_of(const frames::Difference& difference) {
   json figures = {{"samples", difference.samples()},

@@ -231,9 +231,7 @@ using optics::Rig;
 
 constexpr size_t kMaxCalibrationBytes = 4u << 20;
 
-double degrees(double tangent) {
-  return std::atan(tangent) * 180.0 / std::numbers::pi;
-}
+double degrees(double tangent) { return std::atan(tangent) * 180.0 / std::numbers::pi; }
 
 /// Prints the JSON as lines of text with indented sections.
 void print_text(const json& value, int indent = 0) {

@@ -37,9 +37,7 @@ const char* kind_of(const render::Light& light) {
   return kNames[static_cast<size_t>(light.kind)];
 }
 
-json to_json(Vec3 v) {
-  return {v.x, v.y, v.z};
-}
+json to_json(Vec3 v) { return {v.x, v.y, v.z}; }
 
 std::string axis_name(Vec3 axis) {
   const double sum = axis.x + axis.y + axis.z;

@@ -86,9 +86,7 @@ int threads_or_all(int threads) {
 }
 
 /// Returns the name and version of this program, which a plan states.
-std::string program_version() {
-  return fmt::format("lenticule {}", LENTICULE_VERSION);
-}
+std::string program_version() { return fmt::format("lenticule {}", LENTICULE_VERSION); }
 
 /// Returns digests of everything that the film is made from: scene with textures, camera path,
 /// environment picture, rig.
@@ -298,9 +296,7 @@ PlannedFilm::PlannedFilm(const farm::Plan& plan, int threads) : plan_(plan) {
   }
 }
 
-int PlannedFilm::threads() const {
-  return threads_or_all(flags_.options.threads);
-}
+int PlannedFilm::threads() const { return threads_or_all(flags_.options.threads); }
 
 void PlannedFilm::require_inputs_of(const farm::Chunk& chunk) const {
   if (plan_.chunk_inputs.empty() ||

@@ -178,9 +178,7 @@ constexpr uint64_t kMostPictures = uint64_t{1} << 20;
       .remedy("use another name, or --overwrite");
 }
 
-bool may_replace(const OutputRequest& request) {
-  return request.resume || request.overwrite;
-}
+bool may_replace(const OutputRequest& request) { return request.resume || request.overwrite; }
 
 bool is_there(const fs::path& file) {
   std::error_code error;

@@ -144,9 +144,7 @@ ordered_json question_of(const Call& call, std::initializer_list<const char*> ke
     if (body.contains(key)) question[key] = body[key];
   return question;
 }
-Response post_verb(const Call& call) {
-  return ask_player(call, question_of(call));
-}
+Response post_verb(const Call& call) { return ask_player(call, question_of(call)); }
 Response post_seek(const Call& call) {
   return ask_player(call, question_of(call, {"item", "frame"}));
 }
@@ -554,9 +552,7 @@ std::optional<std::string> fits(std::string_view pattern, std::string_view path)
 
 }  // namespace
 
-std::span<const Route> routes() {
-  return kRoutes;
-}
+std::span<const Route> routes() { return kRoutes; }
 
 FoundRoute find_route(const std::string& method, const std::string& path) {
   FoundRoute found;

@@ -67,12 +67,8 @@ constexpr auto kPlayerCommands = std::to_array<Declaration>({
 
 }  // namespace
 
-std::span<const Command> commands() {
-  return kCommands;
-}
+std::span<const Command> commands() { return kCommands; }
 
-std::span<const Declaration> player_commands() {
-  return kPlayerCommands;
-}
+std::span<const Declaration> player_commands() { return kPlayerCommands; }
 
 }  // namespace lenticule::cli

@@ -51,9 +51,7 @@ nlohmann::json examine(const DoctorFlags& flags) {
   return json;
 }
 
-std::string text_of(const nlohmann::json& value) {
-  return value.get<std::string>();
-}
+std::string text_of(const nlohmann::json& value) { return value.get<std::string>(); }
 
 void print_cards(const nlohmann::json& cards) {
   for (const auto& card : cards) {

@@ -28,12 +28,8 @@ Run declare_other(CLI::App& app, const OtherProgram& program, const char* comman
 
 }  // namespace
 
-Run declare_bench(CLI::App& app) {
-  return declare_other(app, kBench, "bench");
-}
+Run declare_bench(CLI::App& app) { return declare_other(app, kBench, "bench"); }
 
-Run declare_web(CLI::App& app) {
-  return declare_other(app, kWeb, "web");
-}
+Run declare_web(CLI::App& app) { return declare_other(app, kWeb, "web"); }
 
 }  // namespace lenticule::cli

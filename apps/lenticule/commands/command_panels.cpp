@@ -59,9 +59,7 @@ nlohmann::json panels_as_json(const display::Inspection& inspection,
   return json;
 }
 
-std::string text_of(const nlohmann::json& value) {
-  return value.get<std::string>();
-}
+std::string text_of(const nlohmann::json& value) { return value.get<std::string>(); }
 
 void print_identity(const nlohmann::json& panel) {
   const nlohmann::json& identity = panel["identity"];

@@ -225,9 +225,7 @@ std::optional<uint64_t> depth_value(const ExactnessRule& rule, const Property& p
 
 }  // namespace
 
-std::span<const DriverPath> driver_paths() {
-  return kPaths;
-}
+std::span<const DriverPath> driver_paths() { return kPaths; }
 
 const DriverPath* find_driver_path(std::string_view driver) {
   const auto found = std::find_if(kPaths.begin(), kPaths.end(),
@@ -240,9 +238,7 @@ const char* object_name(KmsObject object) {
   return kNames[static_cast<size_t>(object)];
 }
 
-std::span<const ExactnessRule> exactness_rules() {
-  return kRules;
-}
+std::span<const ExactnessRule> exactness_rules() { return kRules; }
 
 std::optional<uint64_t> neutral_value(const ExactnessRule& rule, const Property& property,
                                       ScanoutDepth depth) {

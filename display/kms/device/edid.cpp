@@ -26,9 +26,7 @@ using Bytes = std::span<const uint8_t>;
 constexpr uint8_t kCtaBlock = 0x02;
 constexpr uint8_t kDisplayIdBlock = 0x70;
 
-int little_endian_16(Bytes at) {
-  return at[0] | at[1] << 8;
-}
+int little_endian_16(Bytes at) { return at[0] | at[1] << 8; }
 
 // --- CTA-861 --------------------------------------------------------------------------------
 
@@ -330,9 +328,7 @@ bool same_maker(const std::string& wanted, const std::string& panel) {
                     [](char x, char y) { return x == y || (x == '?' && (y < 'A' || y > 'Z')); });
 }
 
-bool same_hex(const std::string& a, const std::string& b) {
-  return lower_case(a) == lower_case(b);
-}
+bool same_hex(const std::string& a, const std::string& b) { return lower_case(a) == lower_case(b); }
 
 }  // namespace
 

@@ -115,12 +115,8 @@ class LinuxPlatform final : public KmsPlatform {
 
 }  // namespace
 
-std::shared_ptr<Session> make_direct_session() {
-  return std::make_shared<DirectSession>();
-}
+std::shared_ptr<Session> make_direct_session() { return std::make_shared<DirectSession>(); }
 
-std::shared_ptr<KmsPlatform> make_linux_platform() {
-  return std::make_shared<LinuxPlatform>();
-}
+std::shared_ptr<KmsPlatform> make_linux_platform() { return std::make_shared<LinuxPlatform>(); }
 
 }  // namespace lenticule::display

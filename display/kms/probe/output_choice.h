@@ -84,9 +84,7 @@ struct OutputChoice {
 // A request for 60 matches 59.997 and does not match 59.94.
 inline constexpr double kRefreshTolerance = 0.0005;
 
-inline PixelSize size_of(const drmModeModeInfo& mode) {
-  return {mode.hdisplay, mode.vdisplay};
-}
+inline PixelSize size_of(const drmModeModeInfo& mode) { return {mode.hdisplay, mode.vdisplay}; }
 
 inline double relative_error(const drmModeModeInfo& mode, frames::Rate refresh) {
   return std::abs(refresh_of(mode).hertz() / refresh.hertz() - 1.0);
@@ -138,9 +136,7 @@ inline std::optional<drmModeModeInfo> best_of_size(const std::vector<drmModeMode
   return best;
 }
 
-inline std::string text_of(PixelSize size) {
-  return fmt::format("{}x{}", size.width, size.height);
-}
+inline std::string text_of(PixelSize size) { return fmt::format("{}x{}", size.width, size.height); }
 
 [[noreturn]] inline void throw_not_listed(const ConnectorInfo& connector, PixelSize size,
                                           std::optional<frames::Rate> refresh) {

@@ -331,9 +331,7 @@ size_t count_of(const JsonAt& owner, size_t most) {
 
 }  // namespace
 
-bool is_data_uri(const std::string& uri) {
-  return uri.starts_with("data:");
-}
+bool is_data_uri(const std::string& uri) { return uri.starts_with("data:"); }
 
 Document::Document(std::vector<uint8_t> file, std::string source,
                    std::optional<std::filesystem::path> folder)

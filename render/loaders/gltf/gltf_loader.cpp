@@ -198,9 +198,7 @@ std::optional<size_t> material_of(Document& document, const Selection& variants,
   return primitive.find_index("material", materials, "materials");
 }
 
-Vec3 vec3(const Element& e) {
-  return {e[0], e[1], e[2]};
-}
+Vec3 vec3(const Element& e) { return {e[0], e[1], e[2]}; }
 
 std::vector<Vec3> positions_of(const Attributes& attributes, size_t count,
                                const std::string& name) {
@@ -848,12 +846,8 @@ Interpolation interpolation_of(const JsonAt& sampler) {
   sampler.at("interpolation").fail("expected LINEAR, STEP or CUBICSPLINE");
 }
 
-void assign(Vec3& to, const double* from) {
-  to = {from[0], from[1], from[2]};
-}
-void assign(std::array<double, 4>& to, const double* from) {
-  std::copy_n(from, 4, to.begin());
-}
+void assign(Vec3& to, const double* from) { to = {from[0], from[1], from[2]}; }
+void assign(std::array<double, 4>& to, const double* from) { std::copy_n(from, 4, to.begin()); }
 void assign(std::vector<double>& to, const double* from) {
   std::copy_n(from, to.size(), to.begin());
 }

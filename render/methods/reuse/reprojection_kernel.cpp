@@ -25,9 +25,7 @@ template <class E>
 inline void choose(const Masks& which, const Lanes<E>& value, Lanes<E>& out) {
   out = select(which, value, out);
 }
-inline Floats magnitude(const Floats& value) {
-  return select(value < 0.0F, -value, value);
-}
+inline Floats magnitude(const Floats& value) { return select(value < 0.0F, -value, value); }
 
 inline Floats combine(const float (&row)[4], const float* packet, Field first) {
   return row[0] * floats_at(packet + first * kLanes) +

@@ -10,9 +10,7 @@
 namespace lenticule::render {
 namespace {
 
-optics::Rig bench_panel() {
-  return test::make_rig({.width = 320, .height = 160, .pixel_mm = 0.2});
-}
+optics::Rig bench_panel() { return test::make_rig({.width = 320, .height = 160, .pixel_mm = 0.2}); }
 
 const SceneDescription& tiny_scene(size_t index) {
   static const std::vector<test::NamedScene> scenes = test::tiny_scenes();

@@ -133,9 +133,7 @@ void SlurmCluster::start(const std::string& name, const std::string& command) {
       words({"/bin/sh", "-c", "exec " + command + " >>" + log + " 2>&1"}));
 }
 
-void SlurmCluster::start_controller() {
-  start("slurmctld", "/usr/sbin/slurmctld -D");
-}
+void SlurmCluster::start_controller() { start("slurmctld", "/usr/sbin/slurmctld -D"); }
 
 void SlurmCluster::stop_controller() {
   daemons_.at("slurmctld")->signal(SIGTERM);

@@ -9,9 +9,7 @@ namespace {
 using namespace lenticule::player;
 using std::chrono::nanoseconds;
 
-StepIdentity identity() {
-  return {.group = "fuzz", .key = StepKey(), .session = 1};
-}
+StepIdentity identity() { return {.group = "fuzz", .key = StepKey(), .session = 1}; }
 
 /// Gives the message to a member whose clock agrees with the sender's.
 void receive(StepMember& member, const StepMessage& message) {

@@ -100,9 +100,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, BuiltInScenes,
                          });
 
 // Checks that every scene of the list has a case, so that new scenes are tested.
-TEST(BuiltInScenes, AreAllTested) {
-  EXPECT_EQ(scenes::scene_list().size(), 8U);
-}
+TEST(BuiltInScenes, AreAllTested) { EXPECT_EQ(scenes::scene_list().size(), 8U); }
 
 }  // namespace
 }  // namespace lenticule::test

@@ -15,9 +15,7 @@ namespace {
 
 constexpr uint64_t kFrames = 8;
 
-optics::Rig tiny_rig() {
-  return optics::load_rig(LENTICULE_SOURCE_DIR "/scenes/rigs/tiny.toml");
-}
+optics::Rig tiny_rig() { return optics::load_rig(LENTICULE_SOURCE_DIR "/scenes/rigs/tiny.toml"); }
 
 /// Turning teapots as `lenticule render builtin:teapot:1` shows them.
 struct Teapots {

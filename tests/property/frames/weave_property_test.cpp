@@ -31,9 +31,7 @@ optics::Rig tiny_rig(int width, int height, double pitch, double slant,
 }
 
 /// Returns few views, since the reference is slow, but all filters, fits and orders.
-std::span<const test::WeaveSetting> few_views() {
-  return test::weave_settings().first(6);
-}
+std::span<const test::WeaveSetting> few_views() { return test::weave_settings().first(6); }
 
 void expect_oracle(const test::WeaveOracle& oracle, const WovenFrame& woven, int i, int j) {
   for (int c = 0; c < 3; ++c) {

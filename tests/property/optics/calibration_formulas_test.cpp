@@ -23,13 +23,9 @@ double uniform(std::mt19937_64& random, double low, double high) {
 }
 
 /// Returns the distance of two phases modulo whole lenses.
-double apart(double a, double b) {
-  return std::abs(std::remainder(a - b, 1.0));
-}
+double apart(double a, double b) { return std::abs(std::remainder(a - b, 1.0)); }
 
-double fract(double v) {
-  return v - std::floor(v);
-}
+double fract(double v) { return v - std::floor(v); }
 
 double number(const json& file, const char* key) {
   const json& value = file.at(key);

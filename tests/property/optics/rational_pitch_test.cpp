@@ -29,9 +29,7 @@ Rig rational_rig(RationalSheet sheet) {
   return rig;
 }
 
-int64_t floor_divide(int64_t a, int64_t b) {
-  return a / b - (a % b < 0 ? 1 : 0);
-}
+int64_t floor_divide(int64_t a, int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }
 
 /// lambda = numerator / denominator, exactly.
 struct Fraction {

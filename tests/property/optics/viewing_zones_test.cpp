@@ -28,9 +28,7 @@ struct Frame {
 int number_at(double place, int views) {
   return std::clamp(static_cast<int>(view_number(place, views)), 0, views - 1);
 }
-uint8_t code_of(int number) {
-  return static_cast<uint8_t>(40 + 20 * number);
-}
+uint8_t code_of(int number) { return static_cast<uint8_t>(40 + 20 * number); }
 
 /// Returns a frame in which every subpixel has the number of its view.
 Frame numbered_frame(const OpticalModel& model, int views) {

@@ -21,13 +21,9 @@ using lab::HoleGuard;
 constexpr int kWidth = 480, kHeight = 320;
 constexpr int kEvery = 4;  // rows between fans, which are also mm, since pixels are 1 mm high
 
-optics::Rig rig() {
-  return test::make_rig({.width = kWidth, .height = kHeight, .pixel_mm = 1.0});
-}
+optics::Rig rig() { return test::make_rig({.width = kWidth, .height = kHeight, .pixel_mm = 1.0}); }
 
-Stage stage() {
-  return test::make_tiny_stage({.mm_per_unit = 1.0});
-}
+Stage stage() { return test::make_tiny_stage({.mm_per_unit = 1.0}); }
 
 SceneDescription bright_on_black() {
   SceneDescription scene;

@@ -143,9 +143,7 @@ void FakeTerminal::close(int fd) noexcept {
   LENTICULE_CHECK(fd == 7);
   --opened;
 }
-bool FakeTerminal::is_foreground(int fd) noexcept {
-  return fd == 7 && foreground;
-}
+bool FakeTerminal::is_foreground(int fd) noexcept { return fd == 7 && foreground; }
 int FakeTerminal::get_mode(int fd, int& is) noexcept {
   LENTICULE_CHECK(fd == 7);
   is = mode;
@@ -180,9 +178,7 @@ FakeCard& FakeDrm::add_card(const std::string& path, const std::string& driver) 
   return *cards.back();
 }
 
-std::shared_ptr<display::Clock> FakeDrm::clock() {
-  return std::make_shared<FakeClock>(*this);
-}
+std::shared_ptr<display::Clock> FakeDrm::clock() { return std::make_shared<FakeClock>(*this); }
 std::shared_ptr<display::Session> FakeDrm::session() {
   return std::make_shared<FakeSession>(*this);
 }

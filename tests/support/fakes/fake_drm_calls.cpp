@@ -76,12 +76,8 @@ int drmModeCrtcSetGamma(int fd, uint32_t crtc, uint32_t size, RampValue* red, Ra
   return 0;
 }
 
-drmModeAtomicReqPtr drmModeAtomicAlloc(void) {
-  return new _drmModeAtomicReq;
-}
-void drmModeAtomicFree(drmModeAtomicReqPtr request) {
-  delete request;
-}
+drmModeAtomicReqPtr drmModeAtomicAlloc(void) { return new _drmModeAtomicReq; }
+void drmModeAtomicFree(drmModeAtomicReqPtr request) { delete request; }
 void drmModeAtomicSetCursor(drmModeAtomicReqPtr request, int cursor) {
   request->settings.resize(static_cast<size_t>(cursor));
 }

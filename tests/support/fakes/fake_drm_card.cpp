@@ -360,9 +360,7 @@ int FakeCard::open_end() {
   return pair[0];
 }
 
-bool FakeCard::owns(int fd) const {
-  return ends.count(fd) != 0;
-}
+bool FakeCard::owns(int fd) const { return ends.count(fd) != 0; }
 
 void FakeCard::closed(int fd) {
   if (master_fd == fd) master_fd = -1;

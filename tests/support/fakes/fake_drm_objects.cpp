@@ -62,9 +62,7 @@ void drmFreeDevices(drmDevicePtr devices[], int count) {
   }
 }
 
-int drmIsKMS(int fd) {
-  return card_of(fd) != nullptr ? 1 : 0;
-}
+int drmIsKMS(int fd) { return card_of(fd) != nullptr ? 1 : 0; }
 
 drmVersionPtr drmGetVersion(int fd) {
   FakeCard* card = card_of(fd);
@@ -171,9 +169,7 @@ int drmModeCrtcGetGamma(int fd, uint32_t crtc, uint32_t size, uint16_t* red, uin
   std::copy(ramp->second.blue.begin(), ramp->second.blue.end(), blue);
   return 0;
 }
-void drmModeFreeCrtc(drmModeCrtcPtr crtc) {
-  std::free(crtc);
-}
+void drmModeFreeCrtc(drmModeCrtcPtr crtc) { std::free(crtc); }
 
 drmModePlaneResPtr drmModeGetPlaneResources(int fd) {
   FakeCard* card = card_of(fd);

@@ -35,9 +35,7 @@ class FakeDevice final : public frames::capture::V4l2Device {
 
 }  // namespace
 
-FakeCamera::FakeCamera() {
-  formats = {{V4L2_PIX_FMT_GREY, {{8, 4}}}};
-}
+FakeCamera::FakeCamera() { formats = {{V4L2_PIX_FMT_GREY, {{8, 4}}}}; }
 
 FakeControl& FakeCamera::control(uint32_t id) {
   return *std::find_if(controls.begin(), controls.end(),

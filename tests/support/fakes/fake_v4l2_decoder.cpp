@@ -501,12 +501,8 @@ int lenticule_open(const char* path, int flags, unsigned mode) {
 int lenticule_open64(const char* path, int flags, unsigned mode) {
   return open_file(path, flags, mode);
 }
-int lenticule_open_2(const char* path, int flags) {
-  return open_file(path, flags, 0);
-}
-int lenticule_open64_2(const char* path, int flags) {
-  return open_file(path, flags, 0);
-}
+int lenticule_open_2(const char* path, int flags) { return open_file(path, flags, 0); }
+int lenticule_open64_2(const char* path, int flags) { return open_file(path, flags, 0); }
 
 int lenticule_close(int fd) {
   static auto* const next = real<int(int)>("close");
@@ -556,10 +552,6 @@ DIR* lenticule_opendir(const char* name) {
   if (lists_devices || folder == g_listed) g_listed = lists_devices ? folder : nullptr;
   return folder;
 }
-dirent* lenticule_readdir(DIR* folder) {
-  return next_entry<dirent>(folder, "readdir");
-}
-dirent64* lenticule_readdir64(DIR* folder) {
-  return next_entry<dirent64>(folder, "readdir64");
-}
+dirent* lenticule_readdir(DIR* folder) { return next_entry<dirent>(folder, "readdir"); }
+dirent64* lenticule_readdir64(DIR* folder) { return next_entry<dirent64>(folder, "readdir64"); }
 }

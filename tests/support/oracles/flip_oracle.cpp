@@ -46,9 +46,7 @@ Colour solved(const Matrix& m, const Colour& b) {
   return v;
 }
 
-Colour white() {
-  return times(kXyzFromRgb, {1, 1, 1});
-}
+Colour white() { return times(kXyzFromRgb, {1, 1, 1}); }
 
 Real linear(Real encoded) {
   return encoded > 0.04045L ? std::pow((encoded + 0.055L) / 1.055L, 2.4L) : encoded / 12.92L;

@@ -20,9 +20,7 @@ struct LookingGlassFile {
 
 namespace looking_glass {
 
-inline double fract(double value) {
-  return value - std::floor(value);
-}
+inline double fract(double value) { return value - std::floor(value); }
 inline double pitch_of(const LookingGlassFile& f) {
   return f.pitch * f.width / f.dpi * std::cos(std::atan(1.0 / f.slope));
 }

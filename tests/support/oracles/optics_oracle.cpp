@@ -65,9 +65,7 @@ Real residual(const Rig& rig, RealPoint at_px) {
 
 }  // namespace
 
-RealEye real_eye(const optics::Eye& eye) {
-  return {eye.x, eye.y, eye.z_mm};
-}
+RealEye real_eye(const optics::Eye& eye) { return {eye.x, eye.y, eye.z_mm}; }
 
 Real oracle_lens_coordinate(const Rig& rig, RealPoint at_px, int channel) {
   const Real x =

@@ -45,9 +45,7 @@ Vec3 each(double (*of)(double, double, double), Vec3 a, Vec3 b, double c) {
   return {of(a.x, b.x, c), of(a.y, b.y, c), of(a.z, b.z, c)};
 }
 
-double component(Vec3 v, int n) {
-  return n == 0 ? v.x : n == 1 ? v.y : v.z;
-}
+double component(Vec3 v, int n) { return n == 0 ? v.x : n == 1 ? v.y : v.z; }
 
 }  // namespace
 

@@ -120,9 +120,7 @@ void meet_triangle(const SceneDescription& scene, const TriangleMesh& mesh, size
 }
 
 /// Returns the root that is not the line's start.
-double other_root(double a, double b) {
-  return std::abs(a) > std::abs(b) ? a : b;
-}
+double other_root(double a, double b) { return std::abs(a) > std::abs(b) ? a : b; }
 
 /// Uses the closest approach of the line to the centre.
 void meet_sphere(const SceneDescription& scene, size_t index, const Line& line, double t_min,

@@ -16,9 +16,7 @@ uint32_t mix(uint32_t x) {
   return x ^ (x >> 16);
 }
 
-bool bit(uint32_t x, int k) {
-  return (x >> k & 1) != 0;
-}
+bool bit(uint32_t x, int k) { return (x >> k & 1) != 0; }
 
 uint32_t backwards(uint32_t x) {
   uint32_t out = 0;

@@ -13,9 +13,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-double size_of(Vec3 p) {
-  return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
-}
+double size_of(Vec3 p) { return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}); }
 
 /// Returns the distance of a line from the line through a and b; the sign states the side.
 double side(Vec3 origin, Vec3 direction, Vec3 a, Vec3 b) {

@@ -86,13 +86,9 @@ Real code_of(Real light) {
   return 255 * v;
 }
 
-Real tent(Real distance) {
-  return std::max(Real(0), 1 - std::abs(distance));
-}
+Real tent(Real distance) { return std::max(Real(0), 1 - std::abs(distance)); }
 
-Real clamp_to(Real v, Real low, Real high) {
-  return std::min(std::max(v, low), high);
-}
+Real clamp_to(Real v, Real low, Real high) { return std::min(std::max(v, low), high); }
 
 /// Sums every pixel of a tile with its tent filter at the fraction (u, v) of the tile from its left
 /// and top.

@@ -23,9 +23,7 @@ auto fields_of(const render::Sphere& s) {
 auto fields_of(const render::Cone& c) {
   return std::tie(c.base, c.base_radius, c.apex, c.apex_radius, c.inward, c.material);
 }
-auto fields_of(const render::Light& l) {
-  return std::tie(l.position, l.colour);
-}
+auto fields_of(const render::Light& l) { return std::tie(l.position, l.colour); }
 auto fields_of(const render::Camera& c) {
   return std::tie(c.name, c.from, c.at, c.up, c.vertical_fov_degrees, c.hither);
 }

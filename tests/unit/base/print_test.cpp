@@ -55,9 +55,7 @@ struct Pipe {
   UniqueFd writer;
 };
 
-UniqueFd full_device() {
-  return UniqueFd(open("/dev/full", O_WRONLY | O_CLOEXEC));
-}
+UniqueFd full_device() { return UniqueFd(open("/dev/full", O_WRONLY | O_CLOEXEC)); }
 
 TEST(Print, DiagnosticsForAFullDiskAreDroppedAndCounted) {
   const UniqueFd full = full_device();

@@ -22,9 +22,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr auto kLong = 60s;
 
-bool never() {
-  return false;
-}
+bool never() { return false; }
 
 ProgramRun run(const std::vector<std::string>& arguments, std::chrono::milliseconds limit = kLong) {
   return run_and_capture(arguments, limit, never);
@@ -61,9 +59,7 @@ TEST(RunAndCapture, ReportsASignalAsExitCodeMinusOne) {
   EXPECT_FALSE(result.timed_out);
 }
 
-TEST(RunAndCapture, GivesAnEmptyStandardInput) {
-  EXPECT_EQ(run({"/bin/sed", "p"}).output, "");
-}
+TEST(RunAndCapture, GivesAnEmptyStandardInput) { EXPECT_EQ(run({"/bin/sed", "p"}).output, ""); }
 
 TEST(RunAndCapture, KeepsTheEndOfLongOutput) {
   const ProgramRun result = shell("head -c 20000000 /dev/zero; echo the end");

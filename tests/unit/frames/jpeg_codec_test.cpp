@@ -35,9 +35,7 @@ Decoded decoded_by(const PictureDecoder& codec, const std::vector<uint8_t>& byte
   return out;
 }
 
-const PictureDecoder& open_image_io() {
-  return picture_codec(ImageFormat::Jpeg);
-}
+const PictureDecoder& open_image_io() { return picture_codec(ImageFormat::Jpeg); }
 
 const PictureDecoder& built_in(const std::vector<uint8_t>& bytes) {
   const PictureDecoder* const codec = built_in_codec(bytes, "a.jpg");

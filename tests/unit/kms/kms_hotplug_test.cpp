@@ -84,9 +84,7 @@ TEST_F(KmsHotplug, ChangedSerialIsAnotherPanelAndIsSwitchedOff) {
   EXPECT_THROW(show->reconnect(), Error);
 }
 
-TEST_F(KmsHotplug, AbsentEdidIsReadAgainUntilItIsComplete) {
-  expect_held_until_readable({});
-}
+TEST_F(KmsHotplug, AbsentEdidIsReadAgainUntilItIsComplete) { expect_held_until_readable({}); }
 
 TEST_F(KmsHotplug, ShortEdidIsReadAgainUntilItIsComplete) {
   expect_held_until_readable({own_edid.begin(), own_edid.begin() + 40});

@@ -13,9 +13,7 @@
 namespace lenticule::lab {
 
 /// Prints the name, since GoogleTest would print bytes.
-static void PrintTo(const StressCase& one, std::ostream* out) {
-  *out << one.name;
-}
+static void PrintTo(const StressCase& one, std::ostream* out) { *out << one.name; }
 
 namespace {
 

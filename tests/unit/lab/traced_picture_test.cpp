@@ -50,9 +50,7 @@ std::complex<double> mean_around(const ComplexPicture& picture, int width, Vec2 
   return sum / (4.0 * half * half);
 }
 
-double wrapped(double cycles) {
-  return cycles - std::round(cycles);
-}
+double wrapped(double cycles) { return cycles - std::round(cycles); }
 
 /// Returns the root mean square difference over the panel between the fringes in the picture and
 /// the fringes by the ground truth.

@@ -61,9 +61,7 @@ class TurningBox : public ::testing::Test {
   const SceneDescription scene_ = load_scene(data("turning-box.gltf"));
 };
 
-TEST_F(TurningBox, LoadsWithoutAWarning) {
-  EXPECT_THAT(scene_.notes, IsEmpty());
-}
+TEST_F(TurningBox, LoadsWithoutAWarning) { EXPECT_THAT(scene_.notes, IsEmpty()); }
 
 TEST_F(TurningBox, ReadsItsExternalAndItsEmbeddedTexture) {
   ASSERT_THAT(scene_.textures, SizeIs(2));

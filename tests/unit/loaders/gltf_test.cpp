@@ -25,9 +25,7 @@ using namespace lenticule::test;
 
 // --- what the loader makes of it
 
-json list(Vec3 v) {
-  return {v.x, v.y, v.z};
-}
+json list(Vec3 v) { return {v.x, v.y, v.z}; }
 
 json list(const std::vector<Vec3>& vectors) {
   json all = json::array();

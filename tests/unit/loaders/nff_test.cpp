@@ -23,9 +23,7 @@ using ::testing::IsEmpty;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
 
-SceneDescription parse(const std::string& text) {
-  return parse_nff(text, "scene.nff");
-}
+SceneDescription parse(const std::string& text) { return parse_nff(text, "scene.nff"); }
 
 std::string refusal(const std::string& text) {
   const Error error = error_of([&] { (void)parse(text); });
@@ -251,9 +249,7 @@ struct Refusal {
   const char* text;
   const char* message;
 };
-void PrintTo(const Refusal& refusal, std::ostream* out) {
-  *out << refusal.name;
-}
+void PrintTo(const Refusal& refusal, std::ostream* out) { *out << refusal.name; }
 
 class NffRefuses : public ::testing::TestWithParam<Refusal> {};
 

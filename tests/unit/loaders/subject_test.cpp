@@ -78,9 +78,7 @@ Camera before_the_figure() {
   return {.from = {0, 2.0, 8.0}, .at = {0, 1.0, 0}, .vertical_fov_degrees = 30.0};
 }
 
-double deepest(const Interval& z) {
-  return std::max(z.high, -z.low);
-}
+double deepest(const Interval& z) { return std::max(z.high, -z.low); }
 
 TEST(Subject, OnAFloorIsDeeperThanIfAllWereFitted) {
   const optics::OpticalModel rig = model();

@@ -14,9 +14,7 @@ void flip(Pacer& pacer, uint64_t target, uint64_t landed) {
   pacer.submitted(target);
   pacer.flipped(landed);
 }
-void flip(Pacer& pacer, uint64_t target) {
-  flip(pacer, target, target);
-}
+void flip(Pacer& pacer, uint64_t target) { flip(pacer, target, target); }
 
 Pacer started(LatePolicy policy, frames::Rate content = {60, 1}) {
   Pacer pacer(content, {60, 1}, policy);

@@ -162,9 +162,7 @@ TEST(StoredDescriptors, AreReturnedOnceWithTheirNames) {
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
 }
 
-TEST(StoredDescriptors, AreNoneWithoutAService) {
-  EXPECT_TRUE(take_stored_descriptors().empty());
-}
+TEST(StoredDescriptors, AreNoneWithoutAService) { EXPECT_TRUE(take_stored_descriptors().empty()); }
 
 display::TakeoverState plausible_state() {
   display::TakeoverState state;

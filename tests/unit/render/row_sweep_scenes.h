@@ -65,8 +65,6 @@ inline TriangleMesh triangle(Vec3 a, Vec3 b, Vec3 c) {
   return mesh;
 }
 /// Returns a stage whose world units are millimetres of the panel.
-inline Stage plain_stage() {
-  return test::make_tiny_stage({.mm_per_unit = 1.0});
-}
+inline Stage plain_stage() { return test::make_tiny_stage({.mm_per_unit = 1.0}); }
 
 }  // namespace lenticule::render

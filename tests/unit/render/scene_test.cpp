@@ -41,9 +41,7 @@ std::string refusal(const SceneDescription& scene, const Surroundings& surroundi
   return "";
 }
 
-TEST(SceneCommit, AcceptsEveryKindOfGeometry) {
-  EXPECT_EQ(refusal(good_scene()), "");
-}
+TEST(SceneCommit, AcceptsEveryKindOfGeometry) { EXPECT_EQ(refusal(good_scene()), ""); }
 
 TEST(SceneCommit, RefusesEveryNumberThatIsNotFiniteNamingTheFile) {
   const std::vector<std::function<void(SceneDescription&, double)>> spoils = {

@@ -56,8 +56,6 @@ inline SoftLight only_shadows(int samples) {
 inline SoftLight only_occlusion(int samples) {
   return {.occlusion_samples = samples, .occlusion_distance_mm = 30.0};
 }
-inline SoftLight only_environment(int samples) {
-  return {.environment_samples = samples};
-}
+inline SoftLight only_environment(int samples) { return {.environment_samples = samples}; }
 
 }  // namespace lenticule::render

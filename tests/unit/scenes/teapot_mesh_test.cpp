@@ -14,9 +14,7 @@ namespace {
 
 using Point = std::array<double, 3>;
 
-Point point(Vec3 p) {
-  return {p.x + 0.0, p.y + 0.0, p.z + 0.0};
-}
+Point point(Vec3 p) { return {p.x + 0.0, p.y + 0.0, p.z + 0.0}; }
 
 std::vector<Vec3> all_positions(const std::vector<SurfaceTriangle>& triangles) {
   std::vector<Vec3> positions;

@@ -36,9 +36,7 @@ constexpr Colour patches[] = {{100, 100, 100}, {100, 100, 0}, {0, 100, 100}, {0,
 
 // ---- sending ------------------------------------------------------------------------------------
 
-uint8_t code(double value) {
-  return static_cast<uint8_t>(std::lround(value));
-}
+uint8_t code(double value) { return static_cast<uint8_t>(std::lround(value)); }
 
 double luma_of(const Colour& colour) {
   return (0.2126 * colour.red + 0.7152 * colour.green + 0.0722 * colour.blue) / 100.0;
@@ -70,9 +68,7 @@ bool is_full_range(const v4l2_pix_format& format) {
   return format.quantization == V4L2_QUANTIZATION_FULL_RANGE;
 }
 
-const Colour& patch_at(int x) {
-  return patches[x * patch_count / output_width];
-}
+const Colour& patch_at(int x) { return patches[x * patch_count / output_width]; }
 
 // Writes one pixel's bytes; in 4:2:2 and NV12 only every second pixel sets the chroma.
 void put_pixel(std::vector<uint8_t>& bytes, const v4l2_pix_format& format, int x, int y) {

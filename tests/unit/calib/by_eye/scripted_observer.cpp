@@ -11,9 +11,7 @@
 namespace lenticule::calib::test {
 namespace {
 
-double linear(uint8_t code) {
-  return std::pow(code / 255.0, 2.2);
-}
+double linear(uint8_t code) { return std::pow(code / 255.0, 2.2); }
 
 }  // namespace
 

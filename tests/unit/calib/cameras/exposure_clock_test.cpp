@@ -14,9 +14,7 @@ using std::chrono::seconds;
 
 constexpr Nanoseconds kNow = seconds{1000};
 
-BufferStamp stamped(Nanoseconds time) {
-  return {.sequence = 0, .time = time, .monotonic = true};
-}
+BufferStamp stamped(Nanoseconds time) { return {.sequence = 0, .time = time, .monotonic = true}; }
 
 TEST(ExposureClock, CountsForwardFromTheStartOfTheExposure) {
   ExposureClock clock(milliseconds{20}, milliseconds{30});

@@ -52,9 +52,7 @@ PhotoPriors tape(const PhotoStage& stage) {
   return priors;
 }
 
-double without_lenses(double phase) {
-  return phase - std::round(phase);
-}
+double without_lenses(double phase) { return phase - std::round(phase); }
 
 /// Returns the largest phase error over the panel, for the fitted eye against the ground truth.
 double worst_phase(const Calibration& found, const PhotoStage& stage) {

@@ -12,9 +12,7 @@
 namespace lenticule::frames {
 namespace {
 
-UniqueFd copy_of(int fd) {
-  return UniqueFd(::dup(fd));
-}
+UniqueFd copy_of(int fd) { return UniqueFd(::dup(fd)); }
 
 TEST(SoundRing, GivesEverySampleOnceAndInOrderBetweenTwoThreads) {
   constexpr uint64_t kCount = 5 * SoundRing::kFrames + 77;

@@ -72,9 +72,7 @@ RgbaPicture random_picture(int width, int height) {
   return picture;
 }
 
-OverlaySpec parsed(const char* json) {
-  return parse_overlay(nlohmann::json::parse(json));
-}
+OverlaySpec parsed(const char* json) { return parse_overlay(nlohmann::json::parse(json)); }
 
 /// Remembers the words of each displayed frame.
 class WordRecorder final : public display::ScanoutRecorder {

@@ -17,9 +17,7 @@
 namespace lenticule::player {
 namespace {
 
-Playlist parse(const std::string& text) {
-  return parse_playlist(text, "list.toml", "/films");
-}
+Playlist parse(const std::string& text) { return parse_playlist(text, "list.toml", "/films"); }
 
 std::string complaint(const std::string& text) {
   try {

@@ -18,9 +18,7 @@ using test::whole_play;
 
 constexpr int64_t kHour = 3600 * kSecond;
 
-bool none_runs(const ProofEntry& /*entry*/, const ProofOrigin& /*origin*/) {
-  return false;
-}
+bool none_runs(const ProofEntry& /*entry*/, const ProofOrigin& /*origin*/) { return false; }
 
 /// Returns the report of these entries of the kiosk.
 ProofSummary report_of(const std::vector<ProofEntry>& entries, const ReportFilter& filter = {}) {

@@ -19,9 +19,7 @@ using test::make_rig;
 using test::make_tiny_stage;
 
 /// Returns a rig large enough for most subpixels to lie between samples.
-optics::Rig wide_rig() {
-  return make_rig({.width = 400, .height = 240, .pixel_mm = 0.2});
-}
+optics::Rig wide_rig() { return make_rig({.width = 400, .height = 240, .pixel_mm = 0.2}); }
 
 struct Rendered {
   frames::WovenFrame frame;

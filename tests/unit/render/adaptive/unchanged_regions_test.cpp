@@ -14,9 +14,7 @@ namespace {
 using test::make_rig;
 using test::make_tiny_stage;
 
-optics::Rig wide_rig() {
-  return make_rig({.width = 400, .height = 240, .pixel_mm = 0.2});
-}
+optics::Rig wide_rig() { return make_rig({.width = 400, .height = 240, .pixel_mm = 0.2}); }
 
 /// Returns a floor, a wall, and balls, boxes and cones in front of it; matte except for a share
 /// `shiny` of them.

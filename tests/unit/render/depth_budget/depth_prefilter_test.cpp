@@ -44,9 +44,7 @@ RenderOptions with(Prefilter prefilter, int samples = 17) {
 }
 
 /// Returns a stage for scenes as deep as several depths of field.
-Stage deep_stage() {
-  return make_tiny_stage({.depth_scale = 8.0, .turn_degrees = 20.0});
-}
+Stage deep_stage() { return make_tiny_stage({.depth_scale = 8.0, .turn_degrees = 20.0}); }
 
 /// Returns the depth of each subpixel in depths of field; minus infinity for background.
 std::vector<double> depths(const SceneDescription& description, const Stage& stage,

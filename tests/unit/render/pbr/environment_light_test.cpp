@@ -15,9 +15,7 @@ namespace {
 
 using test::hemisphere_integral;
 
-Vec3 studio(Vec3 direction, double) {
-  return Vec3{1, 1, 1} * studio_light(direction);
-}
+Vec3 studio(Vec3 direction, double) { return Vec3{1, 1, 1} * studio_light(direction); }
 
 /// Returns the mean of the light over the lobe of a surface seen from straight ahead.
 double lobe_mean(Vec3 ahead, double roughness) {

@@ -27,9 +27,7 @@ constexpr Vec3 kWhite{1, 1, 1};
 /// One unit is nine millimetres; the panel is 48 mm wide, so a quad of this size fills it.
 constexpr double kHalf = 20.0;
 
-optics::Rig small_rig() {
-  return make_rig({.width = 32, .height = 20, .pixel_mm = 1.5});
-}
+optics::Rig small_rig() { return make_rig({.width = 32, .height = 20, .pixel_mm = 1.5}); }
 
 frames::WovenFrame rendered(const SceneDescription& description,
                             const Surroundings& surroundings = {},

@@ -46,9 +46,7 @@ PbrPoint plain_point(Vec3 view, double roughness, double metallic) {
   return point;
 }
 
-Vec3 view_at(double cosine) {
-  return {std::sqrt(1.0 - cosine * cosine), 0.0, cosine};
-}
+Vec3 view_at(double cosine) { return {std::sqrt(1.0 - cosine * cosine), 0.0, cosine}; }
 
 /// A material of random layers.
 PbrPoint random_point(Random& random) {
