@@ -50,35 +50,22 @@ inline UniqueFd lock_folder(const std::filesystem::path& path) {
   throw Error(ErrorKind::Device, path.string() + ": another program holds the lock of its folder");
 }
 
-enum class Occupant { None, Dead, Alive, NotASocket };
-
-inline Occupant occupant_of(const std::filesystem::path& path, const UnixAddress& address) {
+/// Removes the socket file of a player that has exited. Throws if anything else has that name.
+inline void clear_the_way(const std::filesystem::path& path, const UnixAddress& address) {
   struct stat status;
   if (::lstat(path.c_str(), &status) != 0) {
-    if (errno == ENOENT) return Occupant::None;
+    if (errno == ENOENT) return;
     fail(path, "cannot get the status of the file");
   }
-  if (!S_ISSOCK(status.st_mode)) return Occupant::NotASocket;
-  UniqueFd probe(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!S_ISSOCK(status.st_mode))
+    throw Error(ErrorKind::Usage, path.string() + ": exists and is not a socket",
+                "use another name");
+  const UniqueFd probe(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!probe) fail(path, "cannot create a socket");
-  if (::connect(probe.get(), address.get(), address.bytes) == 0) return Occupant::Alive;
-  return errno == ECONNREFUSED ? Occupant::Dead : Occupant::Alive;
-}
-
-inline void clear_the_way(const std::filesystem::path& path, const UnixAddress& address) {
-  switch (occupant_of(path, address)) {
-    case Occupant::None:
-      return;
-    case Occupant::Dead:
-      if (::unlink(path.c_str()) != 0) fail(path, "cannot replace the socket of a dead player");
-      return;
-    case Occupant::Alive:
-      throw Error(ErrorKind::Device, path.string() + ": already in use by another player",
-                  "stop that player, or use another socket");
-    case Occupant::NotASocket:
-      throw Error(ErrorKind::Usage, path.string() + ": exists and is not a socket",
-                  "use another name");
-  }
+  if (::connect(probe.get(), address.get(), address.bytes) == 0 || errno != ECONNREFUSED)
+    throw Error(ErrorKind::Device, path.string() + ": already in use by another player",
+                "stop that player, or use another socket");
+  if (::unlink(path.c_str()) != 0) fail(path, "cannot replace the socket of a dead player");
 }
 
 /// Returns another name in the same folder, of the same length, so that it is a valid address, too.
