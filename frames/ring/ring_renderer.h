@@ -94,68 +94,54 @@ inline constexpr std::chrono::milliseconds kTimeToAnswer{1000};
               path + ": the other end does not speak the ring protocol: " + problem);
 }
 
-class Attempt {
- public:
-  Attempt(const std::filesystem::path& path, std::chrono::steady_clock::time_point deadline)
-      : path_(path.string()), address_(unix_address(path)), deadline_(deadline) {}
-
-  /// Connects and sends Hello. Sets an Obstacle for failures that may disappear; throws for others.
-  /// At first, `obstacle` is that of the attempt before.
-  [[nodiscard]] std::optional<RingAdmission> run(const HelloMessage& hello, Obstacle& obstacle) {
-    UniqueFd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-    if (!socket) throw Error(ErrorKind::Failed, path_ + ": " + std::strerror(errno));
-    if (::connect(socket.get(), address_.get(), address_.bytes) != 0) {
-      if (errno == EACCES || errno == EPERM || errno == EPROTOTYPE || errno == ENOTSOCK)
-        throw Error(ErrorKind::Device, path_ + ": " + std::strerror(errno),
-                    "use the socket of a player that the same user started");
-      if (errno == EAGAIN) return std::nullopt;  // too many renderers are waiting already
-      obstacle = {"no player listens there", "start the player first: lenticule play ring:SOCKET"};
-      return std::nullopt;
-    }
-    if (send_message(socket.get(), hello) != Transfer::Done) return std::nullopt;
-    return read_answer(std::move(socket), obstacle);
+/// Connects and sends Hello. Returns the player's admission, or sets an Obstacle for failures that
+/// may disappear; throws for others. At first, `obstacle` is that of the attempt before.
+[[nodiscard]] inline std::optional<RingAdmission> try_handshake(
+    const std::string& path, const UnixAddress& address, const HelloMessage& hello,
+    std::chrono::steady_clock::time_point deadline, Obstacle& obstacle) {
+  UniqueFd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!socket) throw Error(ErrorKind::Failed, path + ": " + std::strerror(errno));
+  if (::connect(socket.get(), address.get(), address.bytes) != 0) {
+    if (errno == EACCES || errno == EPERM || errno == EPROTOTYPE || errno == ENOTSOCK)
+      throw Error(ErrorKind::Device, path + ": " + std::strerror(errno),
+                  "use the socket of a player that the same user started");
+    if (errno == EAGAIN) return std::nullopt;  // too many renderers are waiting already
+    obstacle = {"no player listens there", "start the player first: lenticule play ring:SOCKET"};
+    return std::nullopt;
   }
-
- private:
-  [[nodiscard]] std::optional<RingAdmission> read_answer(UniqueFd socket, Obstacle& obstacle) {
-    // The last attempt may have too little time for an answer; the answer before it still holds.
-    if (obstacle.cause.empty() || time_left(deadline_) >= kTimeToAnswer)
-      obstacle = {"the player does not answer",
-                  "check whether the player is stopped or overloaded"};
-    wait_for(socket.get(), POLLIN, time_left(deadline_));
-    Packet packet;
-    if (receive_packet(socket.get(), packet, PassedFds::Take) != Transfer::Done)
-      return std::nullopt;
-    RefuseReason reason{};
-    std::string text;
-    if (read_refuse(packet.bytes(), reason, text) == nullptr) {
-      if (reason != RefuseReason::Busy) throw_refusal(path_, reason, text);
-      obstacle = {"the player is " + text, "stop the other renderer, or wait for it"};
-      return std::nullopt;
-    }
-    RingAdmission admission;
-    if (const char* problem = read_accept(packet.bytes(), admission.accept))
-      throw_protocol_error(path_, problem);
-    if (!packet.fds[0] || !packet.fds[1]) throw_protocol_error(path_, "it sent no memory");
-    admission.socket = std::move(socket);
-    admission.memory = std::move(packet.fds[0]);
-    admission.published = std::move(packet.fds[1]);
-    return admission;
+  if (send_message(socket.get(), hello) != Transfer::Done) return std::nullopt;
+  // The last attempt may have too little time for an answer; the answer before it still holds.
+  if (obstacle.cause.empty() || time_left(deadline) >= kTimeToAnswer)
+    obstacle = {"the player does not answer", "check whether the player is stopped or overloaded"};
+  wait_for(socket.get(), POLLIN, time_left(deadline));
+  Packet packet;
+  if (receive_packet(socket.get(), packet, PassedFds::Take) != Transfer::Done) return std::nullopt;
+  RefuseReason reason{};
+  std::string text;
+  if (read_refuse(packet.bytes(), reason, text) == nullptr) {
+    if (reason != RefuseReason::Busy) throw_refusal(path, reason, text);
+    obstacle = {"the player is " + text, "stop the other renderer, or wait for it"};
+    return std::nullopt;
   }
-
-  std::string path_;
-  UnixAddress address_;
-  std::chrono::steady_clock::time_point deadline_;
-};
+  RingAdmission admission;
+  if (const char* problem = read_accept(packet.bytes(), admission.accept))
+    throw_protocol_error(path, problem);
+  if (!packet.fds[0] || !packet.fds[1]) throw_protocol_error(path, "it sent no memory");
+  admission.socket = std::move(socket);
+  admission.memory = std::move(packet.fds[0]);
+  admission.published = std::move(packet.fds[1]);
+  return admission;
+}
 
 inline RingAdmission handshake(const std::filesystem::path& path, const HelloMessage& hello,
                                std::chrono::milliseconds timeout) {
+  const UnixAddress address = unix_address(path);
   const std::chrono::steady_clock::time_point deadline = deadline_after(timeout);
-  Attempt attempt(path, deadline);
   Obstacle obstacle;
   for (std::chrono::milliseconds pause = kShortestPause;;
        pause = std::min(2 * pause, kLongestPause)) {
-    if (auto admission = attempt.run(hello, obstacle)) return std::move(*admission);
+    if (auto admission = try_handshake(path.string(), address, hello, deadline, obstacle))
+      return std::move(*admission);
     std::this_thread::sleep_for(std::min(pause, time_left(deadline)));
     if (std::chrono::steady_clock::now() >= deadline) break;
   }
