@@ -85,14 +85,6 @@ void read_value(const JsonFields& fields, const char* key, std::vector<uint64_t>
 
 constexpr std::chrono::milliseconds kLook{500};
 
-void pause_of(const MergeOptions& options) {
-  if (options.pause) {
-    options.pause(kLook);
-  } else {
-    std::this_thread::sleep_for(kLook);
-  }
-}
-
 [[noreturn]] void refuse_missing(const WorkFolder& folder, const std::vector<uint64_t>& missing) {
   throw input_error("{}: {} of {} chunks are missing: {}", folder.path().string(), missing.size(),
                     folder.plan().chunks(), shortened(ranges_text(missing), 200))
@@ -108,7 +100,7 @@ std::vector<uint64_t> await_chunks(const WorkFolder& folder, const MergeOptions&
   for (std::chrono::milliseconds waited{0}; !missing.empty() && waited < options.wait;
        waited += kLook) {
     if (options.stops(missing.front())) break;
-    pause_of(options);
+    options.pause(kLook);
     std::erase_if(missing, [&](uint64_t chunk) { return folder.done(chunk).has_value(); });
   }
   return missing;

@@ -28,6 +28,7 @@
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <thread>
 #include <vector>
 
 #include "base/error_kinds.h"
@@ -327,7 +328,9 @@ struct MergeOptions {
   /// Called before each chunk; returning true stops the merge.
   std::function<bool(uint64_t chunk)> stops = [](uint64_t) { return false; };
   /// Pauses between two looks for missing chunks; tests replace it.
-  std::function<void(std::chrono::milliseconds)> pause{};
+  std::function<void(std::chrono::milliseconds)> pause = [](std::chrono::milliseconds time) {
+    std::this_thread::sleep_for(time);
+  };
 };
 
 struct MergeResult {
