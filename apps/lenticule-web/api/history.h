@@ -27,15 +27,7 @@ struct TrimEntry {
   double offset_lenses = 0.0;
   double pitch_relative = 0.0;
 
-  /// Calls `field` with the name and the value of each field that goes into the file.
-  void for_fields(const auto& field) {
-    field("number", number);
-    field("time", time);
-    field("who", who);
-    field("name", name);
-    field("offset_lenses", offset_lenses);
-    field("pitch_relative", pitch_relative);
-  }
+  NLOHMANN_DEFINE_TYPE_INTRUSIVE(TrimEntry, number, time, who, name, offset_lenses, pitch_relative)
 };
 
 struct RigEntry {
@@ -45,14 +37,7 @@ struct RigEntry {
   std::string what{};  ///< origin of the rig
   std::string toml{};
 
-  /// Does the same as TrimEntry::for_fields.
-  void for_fields(const auto& field) {
-    field("number", number);
-    field("time", time);
-    field("who", who);
-    field("what", what);
-    field("toml", toml);
-  }
+  NLOHMANN_DEFINE_TYPE_INTRUSIVE(RigEntry, number, time, who, what, toml)
 };
 
 /// History keeps entries in a file, and gives each a number. It is the base of the two below.
@@ -70,11 +55,8 @@ class History {
   /// Returns the entries without their rigs, newest first.
   [[nodiscard]] nlohmann::ordered_json to_json() const {
     const std::lock_guard lock(mutex_);
-    ordered_json list = ordered_json::array();
-    for (auto entry = entries_.rbegin(); entry != entries_.rend(); ++entry) {
-      list.push_back(json_of(*entry));
-      list.back().erase("toml");
-    }
+    nlohmann::json list(std::vector<Entry>(entries_.rbegin(), entries_.rend()));
+    for (nlohmann::json& entry : list) entry.erase("toml");
     return list;
   }
 
@@ -83,10 +65,7 @@ class History {
   History(std::filesystem::path file, uint64_t most_bytes) : file_(std::move(file)) {
     if (!std::filesystem::exists(file_)) return;
     try {
-      const ordered_json root = ordered_json::parse(read_text_file(file_, most_bytes));
-      for (const ordered_json& json : root.at("entries"))
-        entries_.emplace_back().for_fields(
-            [&](const char* key, auto& value) { json.at(key).get_to(value); });
+      nlohmann::json::parse(read_text_file(file_, most_bytes)).at("entries").get_to(entries_);
     } catch (const nlohmann::json::exception&) {
       entries_.clear();
     } catch (const Error&) {
@@ -99,8 +78,7 @@ class History {
     entries_.push_back(std::move(entry));
   }
   void save() const {
-    ordered_json root = {{"format", 1}, {"entries", ordered_json::array()}};
-    for (const Entry& entry : entries_) root["entries"].push_back(json_of(entry));
+    const nlohmann::json root = {{"format", 1}, {"entries", entries_}};
     write_text_file(file_, json_text(root) + "\n");
   }
 
@@ -108,14 +86,6 @@ class History {
   std::vector<Entry> entries_;  ///< oldest first
 
  private:
-  using ordered_json = nlohmann::ordered_json;
-
-  static ordered_json json_of(Entry entry) {
-    ordered_json json;
-    entry.for_fields([&](const char* key, const auto& value) { json[key] = value; });
-    return json;
-  }
-
   const std::filesystem::path file_;
   uint64_t next_ = 1;
 };
