@@ -61,14 +61,9 @@ class PictureMaker {
     const auto taken = take_frame_for(rights);
     const frames::FrameGeometry& size = taken->frame.geometry;
     width = std::clamp(width, std::min(kMinWidth, size.width), std::min(kMaxWidth, size.width));
-    const int height = std::max(1, static_cast<int>(int64_t{size.height} * width / size.width));
-    return jpeg_of(optics::simulate_eye(*taken->model,
-                                        {.pixels = taken->frame.pixels.data(),
-                                         .width = size.width,
-                                         .height = size.height,
-                                         .stride_bytes = taken->frame.row_bytes},
-                                        eye, {.width = width, .height = height}),
-                   kQuality);
+    return jpeg_of(
+        seen(*taken->model, taken->frame.pixels.data(), size, taken->frame.row_bytes, eye, width),
+        kQuality);
   }
   /// Returns the optical model of the rig, with its trim, for which frames are woven now.
   [[nodiscard]] optics::OpticalModel model() { return *take_frame(std::chrono::seconds(2))->model; }
@@ -105,8 +100,7 @@ class PictureMaker {
   /// Returns the picture with the average of each block of pixels; `width` is at most the frame's.
   [[nodiscard]] static optics::RgbPicture reduced(const SharedFrame& frame, int width) {
     width = std::clamp(width, 1, frame.geometry.width);
-    const int height = std::max(1, static_cast<int>(static_cast<int64_t>(frame.geometry.height) *
-                                                    width / frame.geometry.width));
+    const int height = height_of(frame.geometry, width);
     optics::RgbPicture picture{.width = width, .height = height, .pixels = {}};
     picture.pixels.resize(size_t{3} * static_cast<size_t>(width) * static_cast<size_t>(height));
     const auto edge = [](int k, int parts, int whole) {
@@ -152,22 +146,15 @@ class PictureMaker {
   }
 
   /// Returns, as JPEG, what the eye sees of a chart that is white for this eye only. The chart is
-  /// woven with the rig `woven` and seen through the sheet of the rig `seen`, to compare both.
-  [[nodiscard]] static std::string comb_picture(const optics::Rig& woven, const optics::Rig& seen,
+  /// woven with the rig `woven` and seen through the sheet of the rig `sheet`, to compare both.
+  [[nodiscard]] static std::string comb_picture(const optics::Rig& woven, const optics::Rig& sheet,
                                                 const optics::Eye& eye) {
     const frames::WovenFrame chart =
         frames::draw_chart({.pattern = frames::ChartPattern::Comb, .rig = white_for(woven, eye)});
-    const int width = std::min(kCombWidth, chart.width());
-    const int height =
-        std::max(1, static_cast<int>(int64_t{chart.height()} * width / chart.width()));
-    return jpeg_of(
-        without_colour(optics::simulate_eye(optics::OpticalModel(seen),
-                                            {.pixels = chart.bytes().data(),
-                                             .width = chart.width(),
-                                             .height = chart.height(),
-                                             .stride_bytes = chart.geometry().row_bytes()},
-                                            eye, {.width = width, .height = height})),
-        kQuality);
+    return jpeg_of(without_colour(seen(optics::OpticalModel(sheet), chart.bytes().data(),
+                                       chart.geometry(), chart.geometry().row_bytes(), eye,
+                                       std::min(kCombWidth, chart.width()))),
+                   kQuality);
   }
 
  private:
@@ -180,6 +167,19 @@ class PictureMaker {
 
   [[noreturn]] static void fail(const std::string& cause) {
     throw failed_error("picture: {}", cause);
+  }
+
+  /// Returns the height of a picture of the same shape that is `width` pixels wide.
+  static int height_of(const frames::FrameGeometry& size, int width) {
+    return std::max(1, static_cast<int>(int64_t{size.height} * width / size.width));
+  }
+  static optics::RgbPicture seen(const optics::OpticalModel& model, const uint8_t* pixels,
+                                 const frames::FrameGeometry& size, size_t row_bytes,
+                                 const optics::Eye& eye, int width) {
+    return optics::simulate_eye(
+        model,
+        {.pixels = pixels, .width = size.width, .height = size.height, .stride_bytes = row_bytes},
+        eye, {.width = width, .height = height_of(size, width)});
   }
 
   static size_t number_in(const nlohmann::ordered_json& answer, const char* key) {
