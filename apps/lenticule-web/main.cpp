@@ -147,11 +147,12 @@ int serve(const Flags& flags) {
   const fs::path tokens = state / "tokens.json";
   if (read_tokens(tokens).empty()) (void)add_token(tokens, "first", Rights::Change);
   Access access(tokens);
-  WebSite site({.socket = control_socket(flags),
-                .state = state,
-                .media = flags.media.empty() ? std::nullopt : std::optional<fs::path>(flags.media),
-                .largest_file = static_cast<uint64_t>(flags.media_limit_gib * 1073741824.0),
-                .program = find_sibling_program("lenticule").value_or("lenticule")});
+  WebSite site(
+      {.socket = control_socket(flags),
+       .state = state,
+       .media = {.folder = flags.media,
+                 .largest_file = static_cast<uint64_t>(flags.media_limit_gib * 1073741824.0)},
+       .program = find_sibling_program("lenticule").value_or("lenticule")});
   std::vector<Listener> listeners = open_listeners(flags);
   for (const Listener& listener : listeners) {
     say("listening at {}{}{}\n", listener.name,

@@ -43,7 +43,7 @@
 namespace lenticule::web {
 
 struct MediaOptions {
-  std::filesystem::path folder;
+  std::filesystem::path folder{};
   uint64_t largest_file = uint64_t{64} << 30;
   uint64_t keeps_free = uint64_t{1} << 30;  ///< bytes of the disk that uploads leave free
 };
@@ -354,12 +354,9 @@ class Media {
 };
 
 struct WebSiteOptions {
-  std::string socket;           ///< the player's control socket
-  std::filesystem::path state;  ///< folder of the server's own files
-  std::optional<std::filesystem::path>
-      media{};  ///< folder of the content; none: no list, no upload
-  uint64_t largest_file = uint64_t{64} << 30;
-  uint64_t keeps_free = uint64_t{1} << 30;
+  std::string socket;               ///< the player's control socket
+  std::filesystem::path state;      ///< folder of the server's own files
+  MediaOptions media{};             ///< an empty folder: no list, no upload
   std::filesystem::path program{};  ///< lenticule, for the check of a file
   Clock* clock = &machine_clock();
 };
@@ -379,18 +376,16 @@ class WebSite final : public Site {
                       .stops = [this] { return player_.stopped(); },
                       .history = options_.state / "rigs.json"},
                      *options_.clock) {
-    if (!options_.media) return;
-    if (!std::filesystem::is_directory(*options_.media))
-      throw usage_error("--media: no folder {}", options_.media->string())
+    MediaOptions media = options_.media;
+    if (media.folder.empty()) return;
+    if (!std::filesystem::is_directory(media.folder))
+      throw usage_error("--media: no folder {}", media.folder.string())
           .remedy("make it, and give the server's user the right to write there");
-    const std::filesystem::path folder = std::filesystem::canonical(*options_.media);
-    media_ =
-        std::make_unique<Media>(MediaOptions{.folder = folder,
-                                             .largest_file = options_.largest_file,
-                                             .keeps_free = options_.keeps_free},
-                                [this](const std::filesystem::path& file) { return check(file); });
+    media.folder = std::filesystem::canonical(media.folder);
+    media_ = std::make_unique<Media>(
+        media, [this](const std::filesystem::path& file) { return check(file); });
     list_ = std::make_unique<PlayList>(
-        link_, player_, folder / "list.toml", options_.state / "lists",
+        link_, player_, media.folder / "list.toml", options_.state / "lists",
         [this](const std::filesystem::path& file, bool checks) -> std::optional<std::string> {
           const std::string name = file.filename();
           if (!is_media_name(name)) return std::nullopt;  // written into the list by hand

@@ -75,7 +75,7 @@ class WebDay : public testing::Test {
     access_ = std::make_unique<Access>(folder_ / "tokens.json");
     site_ = std::make_unique<WebSite>(WebSiteOptions{.socket = folder_ / "c.sock",
                                                      .state = folder_.path(),
-                                                     .media = folder_ / "media",
+                                                     .media = {.folder = folder_ / "media"},
                                                      .program = "/bin/false",
                                                      .clock = &clock_});
     std::vector<Listener> listeners;
