@@ -25,19 +25,8 @@ ModeInfo mode_info(const drmModeModeInfo& mode, const ConnectorInfo& connector) 
 }
 
 PanelInfo panel_info(const ConnectorInfo& connector, const std::string& card) {
-  PanelInfo info{.card = card,
-                 .connector = connector.name,
-                 .connected = connector.connected,
-                 .non_desktop = connector.non_desktop,
-                 .tiled = connector.tiled,
-                 .tile = connector.tile,
-                 .link_bad = connector.link_bad,
-                 .variable_refresh = connector.variable_refresh,
-                 .width_mm = connector.width_mm,
-                 .height_mm = connector.height_mm,
-                 .edid_problem = connector.edid.problem,
-                 .identity = connector.edid.identity,
-                 .modes = {}};
+  PanelInfo info{connector, card, connector.name, connector.edid.problem, connector.edid.identity,
+                 {}};
   for (const drmModeModeInfo& mode : connector.modes)
     info.modes.push_back(mode_info(mode, connector));
   return info;

@@ -29,17 +29,9 @@ struct ModeInfo {
   bool usable = false;  ///< progressive without repeated lines
 };
 
-struct PanelInfo {
+struct PanelInfo : ConnectorFacts {
   std::string card;       ///< path of the card's node
   std::string connector;  ///< "HDMI-A-1"
-  bool connected = false;
-  bool non_desktop = false;
-  bool tiled = false;          ///< one of several connectors of a panel
-  std::optional<Tile> tile{};  ///< set if tiled, unless the kernel's text is not valid
-  bool link_bad = false;
-  bool variable_refresh = false;  ///< panel and link can vary the refresh
-  uint32_t width_mm = 0;
-  uint32_t height_mm = 0;
   EdidProblem edid_problem = EdidProblem::Absent;
   std::optional<EdidIdentity> identity;
   std::vector<ModeInfo> modes;

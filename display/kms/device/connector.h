@@ -89,21 +89,13 @@ enum class Probe {
   Full,    ///< queries the panel: may take hundreds of milliseconds
 };
 
-struct ConnectorInfo {
+struct ConnectorInfo : ConnectorFacts {
   uint32_t id = 0;
   uint32_t type = 0;   ///< DRM_MODE_CONNECTOR_*
   std::string name{};  ///< "HDMI-A-1"
-  bool connected = false;
-  uint32_t width_mm = 0;
-  uint32_t height_mm = 0;
   std::vector<drmModeModeInfo> modes{};
   uint32_t possible_crtcs = 0;  ///< bit n = CRTC n of the resources
   EdidReading edid{};
-  bool non_desktop = false;
-  bool tiled = false;          ///< the panel has further connectors
-  std::optional<Tile> tile{};  ///< set if tiled, unless the kernel's text is not valid
-  bool link_bad = false;
-  bool variable_refresh = false;  ///< "vrr_capable": panel and link can vary the refresh
   PropertyTable properties{};
 };
 
@@ -120,13 +112,14 @@ inline std::string name_of(const drmModeConnector& connector) {
   auto properties = PropertyTable::read(fd, id, DRM_MODE_OBJECT_CONNECTOR);
   if (!properties) return std::nullopt;
 
-  ConnectorInfo info{.id = id,
-                     .type = source->connector_type,
-                     .name = name_of(*source),
-                     .connected = source->connection == DRM_MODE_CONNECTED,
-                     .width_mm = source->mmWidth,
-                     .height_mm = source->mmHeight,
-                     .possible_crtcs = drmModeConnectorGetPossibleCrtcs(fd, source.get())};
+  ConnectorInfo info;
+  info.id = id;
+  info.type = source->connector_type;
+  info.name = name_of(*source);
+  info.connected = source->connection == DRM_MODE_CONNECTED;
+  info.width_mm = source->mmWidth;
+  info.height_mm = source->mmHeight;
+  info.possible_crtcs = drmModeConnectorGetPossibleCrtcs(fd, source.get());
   if (source->count_modes > 0)
     info.modes.assign(source->modes, source->modes + source->count_modes);
   info.edid = read_edid(read_blob(fd, static_cast<uint32_t>(properties->value("EDID"))));

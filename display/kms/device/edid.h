@@ -27,6 +27,19 @@ struct Tile {
   friend bool operator==(const Tile&, const Tile&) = default;
 };
 
+/// ConnectorFacts are the kernel's facts about a connector and its panel that need no type of
+/// libdrm.
+struct ConnectorFacts {
+  bool connected = false;
+  bool non_desktop = false;
+  bool tiled = false;          ///< one of several connectors of a panel
+  std::optional<Tile> tile{};  ///< set if tiled, unless the kernel's text is not valid
+  bool link_bad = false;
+  bool variable_refresh = false;  ///< "vrr_capable": panel and link can vary the refresh
+  uint32_t width_mm = 0;
+  uint32_t height_mm = 0;
+};
+
 /// Parses "group:single:columns:rows:column:row:width:height", the kernel's text, with or without a
 /// zero at its end. Returns none for any other text and for impossible numbers.
 [[nodiscard]] std::optional<Tile> parse_tile(std::span<const uint8_t> blob);
