@@ -83,12 +83,7 @@ class ConnectorProber {
     return std::min({probe_at_.value_or(kNever), poll_at_, audit_at_});
   }
   void step() noexcept {
-    if (clock_->real_time()) return;
-    try {
-      work(clock_->now());
-    } catch (...) {
-      probe_at_ = clock_->now() + kDebounce;  // out of memory: try again
-    }
+    if (!clock_->real_time()) work();
   }
 
   /// Returns the newest change since the last call, if there was one.
@@ -129,15 +124,18 @@ class ConnectorProber {
       (void)poll(entries.data(), entries.size(),
                  static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(sleep).count()));
       wake_.drain();
-      try {
-        work(clock_->now());
-      } catch (...) {
-        probe_at_ = clock_->now() + kDebounce;
-      }
+      work();
     }
   }
-  /// Does one round: reads hotplug events, and probes if a probe is due.
-  void work(Nanoseconds now) {
+  void work() noexcept {
+    try {
+      do_round(clock_->now());
+    } catch (...) {
+      probe_at_ = clock_->now() + kDebounce;  // out of memory: try again
+    }
+  }
+  /// Reads hotplug events, and probes if a probe is due.
+  void do_round(Nanoseconds now) {
     const bool hotplug = hotplug_->drain();
     if (hotplug && !probe_at_) probe_at_ = now + kDebounce;
     audit_if_due(now, hotplug);
