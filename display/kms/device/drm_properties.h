@@ -228,11 +228,10 @@ class SavedState {
     for (const PropertySetting& setting : about_to_change) {
       const Property* property = find(tables, setting);
       if (property == nullptr || property->name == "link-status") continue;
-      const bool picture = std::find(kPictureProperties.begin(), kPictureProperties.end(),
-                                     property->name) != kPictureProperties.end();
       Saved saved{.setting = {setting.object, setting.property, property->value},
                   .blob = {},
-                  .what = picture ? What::Picture : What::Setting};
+                  .is_picture = std::ranges::find(kPictureProperties, property->name) !=
+                                kPictureProperties.end()};
       if (property->is_blob()) saved.blob = read_blob(fd, static_cast<uint32_t>(property->value));
       saved_.push_back(std::move(saved));
     }
@@ -253,11 +252,10 @@ class SavedState {
   static constexpr std::array<std::string_view, 13> kPictureProperties = {
       "CRTC_ID", "MODE_ID", "ACTIVE", "FB_ID",  "SRC_X",  "SRC_Y",      "SRC_W",
       "SRC_H",   "CRTC_X",  "CRTC_Y", "CRTC_W", "CRTC_H", "link-status"};
-  enum class What { Picture, Setting };
   struct Saved {
     PropertySetting setting;
     std::vector<uint8_t> blob;
-    What what = What::Setting;
+    bool is_picture = false;  ///< one of kPictureProperties
   };
 
   static const Property* find(const std::vector<const PropertyTable*>& tables,
@@ -273,7 +271,7 @@ class SavedState {
     AtomicRequest request;
     std::vector<BlobId> blobs;
     for (const Saved& saved : saved_) {
-      if (saved.what == What::Picture && !with_picture) continue;
+      if (saved.is_picture && !with_picture) continue;
       PropertySetting setting = saved.setting;
       if (!saved.blob.empty()) {
         uint32_t id = 0;
