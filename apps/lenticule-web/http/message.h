@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
@@ -141,22 +142,11 @@ class Site {
 }
 /// Returns the answer with the status of an HttpError, otherwise with the one that suits its kind.
 [[nodiscard]] inline Response error_response(const Error& error) {
-  const auto status = [&error] {
-    if (const auto* const http = dynamic_cast<const HttpError*>(&error)) return http->status();
-    switch (error.kind()) {
-      case ErrorKind::Usage:
-        return 400;
-      case ErrorKind::Device:
-        return 502;
-      case ErrorKind::Input:
-        return 422;
-      case ErrorKind::Failed:
-      case ErrorKind::Quality:
-        return 500;
-    }
-    return 500;
-  };
-  return error_response(status(), error.what(), error.hint());
+  constexpr std::array kStatuses = {500, 400, 502, 422, 500};  // from Failed to Quality
+  const auto* const http = dynamic_cast<const HttpError*>(&error);
+  const int status =
+      http != nullptr ? http->status() : kStatuses[static_cast<size_t>(error.kind()) - 1];
+  return error_response(status, error.what(), error.hint());
 }
 
 }  // namespace lenticule::web
