@@ -38,18 +38,10 @@ lenticule_status report(lenticule_status status, const char* what, const char* h
 }
 
 lenticule_status status_of(const lenticule::Error& error) noexcept {
-  switch (error.kind()) {
-    case lenticule::ErrorKind::Usage:
-      return LENTICULE_MISUSE;
-    case lenticule::ErrorKind::Device:
-      return LENTICULE_NO_PLAYER;
-    case lenticule::ErrorKind::Input:
-    case lenticule::ErrorKind::Quality:
-      return LENTICULE_REFUSED;
-    case lenticule::ErrorKind::Failed:
-      return LENTICULE_FAILED;
-  }
-  return LENTICULE_FAILED;
+  constexpr lenticule_status kStatuses[] = {// from Failed to Quality
+                                            LENTICULE_FAILED, LENTICULE_MISUSE, LENTICULE_NO_PLAYER,
+                                            LENTICULE_REFUSED, LENTICULE_REFUSED};
+  return kStatuses[static_cast<size_t>(error.kind()) - 1];
 }
 
 lenticule_status status_of(RingStatus status) noexcept {
