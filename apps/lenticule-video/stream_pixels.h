@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <string>
 
@@ -36,46 +37,30 @@ inline constexpr unsigned kUnreadable = AV_PIX_FMT_FLAG_PAL | AV_PIX_FMT_FLAG_BI
                                         AV_PIX_FMT_FLAG_BAYER;
 
 struct Weights {
+  AVColorSpace matrix;
   double kr;
   double kb;
 };
+/// Kr and Kb of ITU-T H.273, table 4.
+inline constexpr std::array kWeights = {
+    Weights{AVCOL_SPC_BT709, 0.2126, 0.0722},   Weights{AVCOL_SPC_FCC, 0.30, 0.11},
+    Weights{AVCOL_SPC_BT470BG, 0.299, 0.114},   Weights{AVCOL_SPC_SMPTE170M, 0.299, 0.114},
+    Weights{AVCOL_SPC_SMPTE240M, 0.212, 0.087}, Weights{AVCOL_SPC_BT2020_NCL, 0.2627, 0.0593}};
 
-/// Returns Kr and Kb of ITU-T H.273, table 4.
-inline std::optional<Weights> weights_of(AVColorSpace matrix, int height) {
-  switch (matrix) {
-    case AVCOL_SPC_BT709:
-      return Weights{0.2126, 0.0722};
-    case AVCOL_SPC_FCC:
-      return Weights{0.30, 0.11};
-    case AVCOL_SPC_BT470BG:
-    case AVCOL_SPC_SMPTE170M:
-      return Weights{0.299, 0.114};
-    case AVCOL_SPC_SMPTE240M:
-      return Weights{0.212, 0.087};
-    case AVCOL_SPC_BT2020_NCL:
-      return Weights{0.2627, 0.0593};
-    case AVCOL_SPC_UNSPECIFIED:
-      return weights_of(height < kFirstHighDefinitionHeight ? AVCOL_SPC_SMPTE170M : AVCOL_SPC_BT709,
-                        height);
-    default:
-      return std::nullopt;
-  }
+/// Returns the weights of a known matrix; null for others.
+inline const Weights* weights_of(AVColorSpace matrix, int height) {
+  if (matrix == AVCOL_SPC_UNSPECIFIED)
+    matrix = height < kFirstHighDefinitionHeight ? AVCOL_SPC_SMPTE170M : AVCOL_SPC_BT709;
+  const auto* const found = std::ranges::find(kWeights, matrix, &Weights::matrix);
+  return found == kWeights.end() ? nullptr : found;
 }
 
 /// Returns true for display-referred code values, which can be shown unchanged; linear light and
 /// other curves cannot.
 inline bool is_display_referred(AVColorTransferCharacteristic transfer) {
-  switch (transfer) {
-    case AVCOL_TRC_LINEAR:
-    case AVCOL_TRC_LOG:
-    case AVCOL_TRC_LOG_SQRT:
-    case AVCOL_TRC_SMPTE2084:
-    case AVCOL_TRC_SMPTE428:
-    case AVCOL_TRC_ARIB_STD_B67:
-      return false;
-    default:
-      return true;
-  }
+  constexpr std::array kOthers = {AVCOL_TRC_LINEAR,    AVCOL_TRC_LOG,      AVCOL_TRC_LOG_SQRT,
+                                  AVCOL_TRC_SMPTE2084, AVCOL_TRC_SMPTE428, AVCOL_TRC_ARIB_STD_B67};
+  return std::ranges::find(kOthers, transfer) == kOthers.end();
 }
 
 /// Returns the chroma position. If it is not stated, the one of MPEG-2 and later: aligned with
@@ -159,8 +144,9 @@ inline std::string refuse_or_colour(const PixelTags& tags, PixelLayout& layout) 
     turn_into_rgb(layout);
     return {};
   }
-  const std::optional<Weights> weights = weights_of(tags.matrix, tags.height);
-  if (!weights) return "colour matrix " + named(av_color_space_name(tags.matrix)) + " is not known";
+  const Weights* const weights = weights_of(tags.matrix, tags.height);
+  if (weights == nullptr)
+    return "colour matrix " + named(av_color_space_name(tags.matrix)) + " is not known";
   layout.kr = weights->kr;
   layout.kb = weights->kb;
   layout.site = site_of(tags.site);
