@@ -229,24 +229,13 @@ void give_up_rights(uint64_t extra_bytes, pid_t parent, unsigned descriptors,
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) cannot("no_new_privs");
 }
 
-/// The rules for files that Landlock enforces, or the reason why it cannot.
-struct DeviceRules {
-  std::optional<LandlockRules> rules;
-  std::string obstacle;
-};
-
-DeviceRules no_rules() {
-  return {
-      .rules = std::nullopt,
-      .obstacle = std::string("the kernel's Landlock cannot confine it: ") + std::strerror(errno)};
-}
-
-DeviceRules make_device_rules(const std::vector<std::string>& nodes) {
-  DeviceRules made{.rules = LandlockRules::create(), .obstacle = {}};
-  if (!made.rules || !made.rules->allow_listing("/dev")) return no_rules();
+/// Returns the rules that Landlock can enforce for these devices; none, with errno, if it cannot.
+std::optional<LandlockRules> make_device_rules(const std::vector<std::string>& nodes) {
+  auto rules = LandlockRules::create();
+  if (!rules || !rules->allow_listing("/dev")) return std::nullopt;
   for (const std::string& node : nodes)
-    if (!made.rules->allow_device(node)) return no_rules();
-  return made;
+    if (!rules->allow_device(node)) return std::nullopt;
+  return rules;
 }
 
 /// Returns the limit that leaves descriptors for /dev, a device, and the device once more.
@@ -346,12 +335,16 @@ std::string confine_with_devices(uint64_t extra_bytes, pid_t parent,
   if (kSanitized) return {};
   std::vector<sock_filter> narrow = decoder_filter();
   std::vector<sock_filter> wide = decoder_filter(Devices::Video);
-  DeviceRules device_rules = make_device_rules(nodes);
-  const unsigned descriptors = device_rules.rules ? limit_for_devices() : 1;
-  give_up_rights(extra_bytes, parent, descriptors);
-  if (device_rules.rules && !device_rules.rules->enforce()) device_rules = no_rules();
-  install(device_rules.rules ? std::move(wide) : std::move(narrow));
-  return device_rules.obstacle;
+  auto rules = make_device_rules(nodes);
+  int error = errno;
+  give_up_rights(extra_bytes, parent, rules ? limit_for_devices() : 1);
+  if (rules && !rules->enforce()) {
+    error = errno;
+    rules.reset();
+  }
+  install(rules ? std::move(wide) : std::move(narrow));
+  if (rules) return {};
+  return std::string("the kernel's Landlock cannot confine it: ") + std::strerror(error);
 }
 
 }  // namespace lenticule::video
