@@ -43,6 +43,12 @@ uint8_t clipped(int64_t sum) {
   return static_cast<uint8_t>(std::clamp<int64_t>((sum + kHalf) >> kFraction, 0, 255));
 }
 
+/// Returns the first byte of a component's row.
+const uint8_t* row_of(const PicturePlanes& picture, const PixelComponent& c, int row) {
+  const auto plane = static_cast<size_t>(c.plane);
+  return picture.data[plane] + row * picture.stride[plane] + c.offset;
+}
+
 bool is_whole_byte(const PixelComponent& component) {
   return component.depth == 8 && component.shift == 0;
 }
@@ -217,8 +223,7 @@ void PixelConverter::convert(const PicturePlanes& picture, std::span<uint8_t> rg
 void PixelConverter::unpack(const PicturePlanes& picture, int component, int row, int count,
                             uint16_t* out) const {
   const PixelComponent& c = layout_.components[static_cast<size_t>(component)];
-  const auto plane = static_cast<size_t>(c.plane);
-  const uint8_t* in = picture.data[plane] + row * picture.stride[plane] + c.offset;
+  const uint8_t* in = row_of(picture, c, row);
   const auto mask = static_cast<unsigned>((1 << c.depth) - 1);
   const bool wide = c.shift + c.depth > 8;
   const int high = layout_.big_endian ? 0 : 1;
@@ -245,8 +250,7 @@ void PixelConverter::rgb_row(const PicturePlanes& picture, int row, uint8_t* out
   for (int channel = 0; channel < 3; ++channel) {
     if (copies_bytes_) {
       const PixelComponent& c = layout_.components[static_cast<size_t>(channel)];
-      const auto plane = static_cast<size_t>(c.plane);
-      const uint8_t* in = picture.data[plane] + row * picture.stride[plane] + c.offset;
+      const uint8_t* in = row_of(picture, c, row);
       for (int x = 0; x < width_; ++x) out[3 * x + channel] = in[x * c.step];
       continue;
     }
@@ -352,11 +356,8 @@ void PixelConverter::short_chroma_row(const PicturePlanes& picture, int componen
   const int count = chroma_width_;
   int16_t* const mixed = out.data() + 1;
   if (c.step == 1) {
-    const auto samples = [&](int from) {
-      const auto plane = static_cast<size_t>(c.plane);
-      return picture.data[plane] + from * picture.stride[plane] + c.offset;
-    };
-    kernel_->mix_bytes(samples(down.first), samples(down.second), weights, count, mixed);
+    kernel_->mix_bytes(row_of(picture, c, down.first), row_of(picture, c, down.second), weights,
+                       count, mixed);
   } else {
     unpack(picture, component, down.first, count, values_.data());
     unpack(picture, component, down.second, count, second_.data());
@@ -369,9 +370,7 @@ void PixelConverter::short_chroma_row(const PicturePlanes& picture, int componen
 void PixelConverter::short_yuv_row(const PicturePlanes& picture, int row, uint8_t* out) {
   short_chroma_row(picture, 1, row, fast_cb_);
   short_chroma_row(picture, 2, row, fast_cr_);
-  const PixelComponent& c = layout_.components[0];
-  const auto plane = static_cast<size_t>(c.plane);
-  const uint8_t* const luma = picture.data[plane] + row * picture.stride[plane] + c.offset;
+  const uint8_t* const luma = row_of(picture, layout_.components[0], row);
   const auto convert = [&](const uint8_t* y, int from, int count, uint8_t* rgb) {
     kernel_->convert_short(short_sums_, y, fast_cb_.data() + 1 + from / 2,
                            fast_cr_.data() + 1 + from / 2, count, rgb);
