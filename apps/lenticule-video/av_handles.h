@@ -11,6 +11,7 @@
 
 #include "apps/lenticule-video/ffmpeg.h"
 #include "base/error.h"
+#include "base/owned.h"
 
 namespace lenticule::video {
 
@@ -25,9 +26,6 @@ struct FreeIo {
     avio_context_free(&io);
   }
 };
-struct FreeFormat {
-  void operator()(AVFormatContext* format) const { avformat_free_context(format); }
-};
 
 using AvFrame = std::unique_ptr<AVFrame, Free<av_frame_free>>;
 using AvPacket = std::unique_ptr<AVPacket, Free<av_packet_free>>;
@@ -35,7 +33,7 @@ using AvCodec = std::unique_ptr<AVCodecContext, Free<avcodec_free_context>>;
 using SwResampler = std::unique_ptr<SwrContext, Free<swr_free>>;
 using AvIo = std::unique_ptr<AVIOContext, FreeIo>;
 using AvInput = std::unique_ptr<AVFormatContext, Free<avformat_close_input>>;
-using AvOutput = std::unique_ptr<AVFormatContext, FreeFormat>;
+using AvOutput = Owned<AVFormatContext, avformat_free_context>;
 
 [[nodiscard]] inline std::string av_reason(int error) {
   char text[AV_ERROR_MAX_STRING_SIZE] = {};

@@ -7,13 +7,13 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "apps/lenticule-window/eye_pictures.h"
 #include "base/error_kinds.h"
 #include "base/main_function.h"
+#include "base/owned.h"
 #include "frames/ring/shared_picture.h"
 #include "optics/trim.h"
 
@@ -46,13 +46,6 @@ struct SdlSession {
   ~SdlSession() { SDL_Quit(); }
   SdlSession(const SdlSession&) = delete;
   SdlSession& operator=(const SdlSession&) = delete;
-};
-
-struct CloseWindow {
-  void operator()(SDL_Window* window) const { SDL_DestroyWindow(window); }
-};
-struct FreeSurface {
-  void operator()(SDL_Surface* surface) const { SDL_FreeSurface(surface); }
 };
 
 /// Window is the window, with the eyes that its mouse and its keys move.
@@ -139,7 +132,7 @@ class Window {
     } else {
       frames::WovenFrame picture =
           window_picture(model_, woven_, eyes_, look_, {screen->w, screen->h});
-      const std::unique_ptr<SDL_Surface, FreeSurface> surface(SDL_CreateRGBSurfaceWithFormatFrom(
+      const Owned<SDL_Surface, SDL_FreeSurface> surface(SDL_CreateRGBSurfaceWithFormatFrom(
           picture.bytes().data(), picture.width(), picture.height(), 24,
           static_cast<int>(picture.geometry().row_bytes()), SDL_PIXELFORMAT_RGB24));
       if (!surface || SDL_BlitSurface(surface.get(), nullptr, screen, nullptr) != 0)
@@ -166,18 +159,12 @@ class Window {
   int ready_;
   EyePair eyes_;
   Look look_ = Look::SideBySide;
-  std::unique_ptr<SDL_Window, CloseWindow> window_;
+  Owned<SDL_Window, SDL_DestroyWindow> window_;
   std::vector<uint32_t> words_;
   frames::WovenFrame woven_;  ///< empty until the first picture
   bool changed_ = false;
   bool closed_ = false;
 };
-
-int show(const Flags& flags) {
-  Window window(flags);
-  window.run();
-  return kOk;
-}
 
 }  // namespace
 }  // namespace lenticule::window
@@ -201,5 +188,10 @@ int main(int argc, char** argv) {
     return lenticule::report_error(
         {lenticule::ErrorKind::Usage, error.what(), "see lenticule-window --help"}, kErrors);
   }
-  return lenticule::run_reporting_errors([&] { return show(flags); }, kErrors);
+  return lenticule::run_reporting_errors(
+      [&flags] {
+        Window(flags).run();
+        return lenticule::kOk;
+      },
+      kErrors);
 }
