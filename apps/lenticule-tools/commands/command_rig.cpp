@@ -34,20 +34,15 @@
 namespace lenticule::tools {
 namespace {
 
-struct RigWallFlags {
-  std::string file;
-  std::string svg;
-  std::string rigs;  ///< folder for the rigs of the panels
-};
-
 struct RigOptions {
-  std::string file;
+  std::string file;  ///< rig or wall
   std::string output;
   std::string format = "auto";
   std::string mounting;
   double offset_by = 0.0;
   double pitch_by = 0.0;
-  RigWallFlags wall;
+  std::string svg;
+  std::string rigs;  ///< folder for the rigs of a wall's panels
   bool reset_trim = false;
   bool as_json = false;
   ExitCode (*action)(const RigOptions&) = nullptr;  ///< runs the given subcommand
@@ -79,17 +74,10 @@ double distance(const Interval& a, const Interval& b) {
   return std::max(a.low, b.low) - std::min(a.high, b.high);
 }
 
-/// Gap is the gap between two neighbours, as the viewer sees them.
-struct Gap {
-  std::string first, second;
-  bool beside = true;  ///< else one above the other
-  double gap_mm = 0.0;
-};
-
-/// Returns the gaps of panels that overlap in height or in width, and are nearer to each other than
-/// another panel between them would allow.
-std::vector<Gap> gaps_of(const PlacedWall& wall) {
-  std::vector<Gap> gaps;
+/// Returns the gaps, as the viewer sees them, of panels that overlap in height or in width, and are
+/// nearer to each other than another panel between them would allow.
+json gaps_json(const PlacedWall& wall) {
+  json gaps = json::array();
   for (size_t a = 0; a < wall.panels.size(); ++a)
     for (size_t b = a + 1; b < wall.panels.size(); ++b) {
       const PlacedPanel &one = wall.panels[a], &other = wall.panels[b];
@@ -98,13 +86,15 @@ std::vector<Gap> gaps_of(const PlacedWall& wall) {
       const double smaller = beside ? std::min(one.x_mm.width(), other.x_mm.width())
                                     : std::min(one.y_mm.width(), other.y_mm.width());
       if (std::min(x, y) < 0.0 && std::max(x, y) < smaller)
-        gaps.push_back({one.name, other.name, beside, std::max(x, y)});
+        gaps.push_back({{"panels", {one.name, other.name}},
+                        {"beside", beside},  // else one above the other
+                        {"gap_mm", std::max(x, y)}});
     }
   return gaps;
 }
 
 json wall_json(const PlacedWall& wall) {
-  json panels = json::array(), gaps = json::array();
+  json panels = json::array();
   for (const PlacedPanel& placed : wall.panels) {
     const Vec3 centre = placed.wall_from_panel.origin;
     const optics::ViewingLine& line = placed.calibrated.viewing;
@@ -118,26 +108,27 @@ json wall_json(const PlacedWall& wall) {
                       {"viewer_degrees", viewer_degrees(placed)},
                       {"fingerprint", placed.trimmed.identity.fingerprint}});
   }
-  for (const Gap& gap : gaps_of(wall))
-    gaps.push_back(
-        {{"panels", {gap.first, gap.second}}, {"beside", gap.beside}, {"gap_mm", gap.gap_mm}});
-  return {{"panels", panels}, {"gaps", gaps}};
+  return {{"panels", panels}, {"gaps", gaps_json(wall)}};
 }
 
-void print_wall(const PlacedWall& wall) {
-  for (const PlacedPanel& placed : wall.panels) {
-    const optics::Panel& panel = placed.calibrated.panel;
-    const Vec3 centre = placed.wall_from_panel.origin;
+void print_wall(const json& wall) {
+  for (const json& panel : wall["panels"]) {
+    const auto number = [](const json& value) { return value.get<double>(); };
+    const json& centre = panel["centre_mm"];
     print_out(
         "{}: {}x{} pixels, {:.1f} x {:.1f} mm, centre at {:.1f}, {:.1f}, {:.1f} mm, the viewer "
         "{:.1f} degrees off its normal\n",
-        placed.name, panel.width_px, panel.height_px, width_mm(placed), height_mm(placed), centre.x,
-        centre.y, centre.z, viewer_degrees(placed));
+        panel["name"].get<std::string>(), panel["width_px"].get<int>(),
+        panel["height_px"].get<int>(), number(panel["width_mm"]), number(panel["height_mm"]),
+        number(centre[0]), number(centre[1]), number(centre[2]), number(panel["viewer_degrees"]));
   }
-  for (const Gap& gap : gaps_of(wall))
-    print_out("{} and {}: {:.1f} mm {}, {}\n", gap.first, gap.second, std::abs(gap.gap_mm),
-              gap.gap_mm < 0.0 ? "overlap" : "apart",
-              gap.beside ? "side by side" : "one above the other");
+  for (const json& gap : wall["gaps"]) {
+    const auto gap_mm = gap["gap_mm"].get<double>();
+    print_out("{} and {}: {:.1f} mm {}, {}\n", gap["panels"][0].get<std::string>(),
+              gap["panels"][1].get<std::string>(), std::abs(gap_mm),
+              gap_mm < 0.0 ? "overlap" : "apart",
+              gap["beside"].get<bool>() ? "side by side" : "one above the other");
+  }
 }
 
 /// Projection draws points of the wall's frame: x to the right, and y or -z upward.
@@ -207,22 +198,12 @@ void write_rigs(const PlacedWall& wall, const std::filesystem::path& folder) {
   }
 }
 
-/// Lifetime: `flags` must outlive the parser.
-void declare_rig_wall_flags(CLI::App& app, RigWallFlags& flags) {
-  app.add_option("WALL", flags.file, "wall file")->required();
-  cli::add_option(app, "--svg FILE", flags.svg,
-                  "write a drawing of the wall from the front and from above");
-  cli::add_option(app, "--rigs FOLDER", flags.rigs,
-                  "write the rig of each panel as it hangs in the wall, for players and 'eye'");
-}
-
 /// Throws Error(Input) and Error(Failed).
 ExitCode rig_wall(const RigOptions& options) {
-  const RigWallFlags& flags = options.wall;
-  const PlacedWall wall = optics::load_wall(flags.file);
-  if (!flags.svg.empty()) write_text_file(flags.svg, drawing(wall));
-  if (!flags.rigs.empty()) write_rigs(wall, flags.rigs);
-  lenticule::print_result(wall_json(wall), options.as_json, [&](const json&) { print_wall(wall); });
+  const PlacedWall wall = optics::load_wall(options.file);
+  if (!options.svg.empty()) write_text_file(options.svg, drawing(wall));
+  if (!options.rigs.empty()) write_rigs(wall, options.rigs);
+  lenticule::print_result(wall_json(wall), options.as_json, print_wall);
   return kOk;
 }
 
@@ -381,6 +362,14 @@ ExitCode check_rig(const RigOptions& options) {
   }
 }
 
+/// Writes a rig in place of an older one, whose trim does not belong to it. `done` states where the
+/// older one is kept.
+void replace_rig(const Rig& rig, const RigOptions& options, json& done) {
+  const std::filesystem::path kept = optics::save_with_history(rig, options.output);
+  optics::save_trim({}, options.output);
+  if (!kept.empty()) done["old_rig_kept_as"] = kept.string();
+}
+
 struct Import {
   Rig rig;
   /// True if views are numbered from the right. A rig does not store this, so it must be set when
@@ -401,12 +390,6 @@ ExitCode import_calibration(const RigOptions& options) {
   if (format == "auto")  // CubeVi files have an interval, a visual.json has a pitch
     format = text.find("\"interval\"") != std::string::npos ? "cubevi" : "lkg";
   const auto [rig, inverted_views] = import_as(format, text, options.file);
-  const std::filesystem::path kept = optics::save_with_history(rig, options.output);
-  optics::save_trim({}, options.output);  // an existing trim belonged to the previous rig
-  if (inverted_views)
-    say("lenticule: {}: invView is 0: its views are numbered from the right\n"
-        "  weave quilts and views for this panel with 'lenticule weave --invert'\n",
-        options.file);
   json done = {{"format", format},
                {"output", options.output},
                {"name", rig.name},
@@ -415,11 +398,12 @@ ExitCode import_calibration(const RigOptions& options) {
                {"slant", rig.sheet.slant},
                {"gap_mm", rig.sheet.gap.value},
                {"views_inverted", inverted_views}};
-  if (!kept.empty()) {
-    done["old_rig_kept_as"] = kept.string();
-  } else if (options.as_json) {
-    done["old_rig_kept_as"] = nullptr;
-  }
+  if (options.as_json) done["old_rig_kept_as"] = nullptr;
+  replace_rig(rig, options, done);
+  if (inverted_views)
+    say("lenticule: {}: invView is 0: its views are numbered from the right\n"
+        "  weave quilts and views for this panel with 'lenticule weave --invert'\n",
+        options.file);
   print_result(done, options.as_json);
   return kOk;
 }
@@ -473,14 +457,12 @@ ExitCode change_trim(const RigOptions& options) {
 ExitCode mount(const RigOptions& options) {
   const Rig rig = optics::turned_rig(optics::load_trimmed_rig(options.file),
                                      optics::mounting_named(options.mounting));
-  const std::filesystem::path kept = optics::save_with_history(rig, options.output);
-  optics::save_trim({}, options.output);
   json done = {
       {"output", options.output},          {"mounting", optics::mounting_name(rig.panel.mounting)},
       {"width_px", rig.panel.width_px},    {"height_px", rig.panel.height_px},
       {"layout", rig.panel.layout.name()}, {"pitch_subpx", rig.sheet.pitch.value},
       {"slant", rig.sheet.slant},          {"fingerprint", optics::fingerprint(rig)}};
-  if (!kept.empty()) done["old_rig_kept_as"] = kept.string();
+  replace_rig(rig, options, done);
   print_result(done, options.as_json);
   return kOk;
 }
@@ -559,7 +541,11 @@ cli::Run declare_rig(CLI::App& app) {
   CLI::App* wall_app =
       add("wall", rig_wall, "show a wall of several panels: sizes, gaps and a drawing",
           "lenticule rig wall lobby.toml --svg lobby.svg --rigs lobby");
-  declare_rig_wall_flags(*wall_app, options->wall);
+  wall_app->add_option("WALL", options->file, "wall file")->required();
+  cli::add_option(*wall_app, "--svg FILE", options->svg,
+                  "write a drawing of the wall from the front and from above");
+  cli::add_option(*wall_app, "--rigs FOLDER", options->rigs,
+                  "write the rig of each panel as it hangs in the wall, for players and 'eye'");
 
   return [options]() -> ExitCode { return options->action(*options); };
 }
