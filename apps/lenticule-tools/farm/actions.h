@@ -20,7 +20,8 @@ namespace lenticule::tools {
 
 /// FarmFlags are the flags of all actions; each declares and reads its own.
 struct FarmFlags {
-  std::string folder;   ///< work folder
+  ExitCode (*action)(const FarmFlags& flags) = nullptr;  ///< the one that was given
+  std::string folder;                                    ///< work folder
   std::string output;   ///< film, or ring; of merge empty: as planned
   std::string program;  ///< lenticule as the nodes call it; empty: this program's path
   int threads = 0;

@@ -4,8 +4,8 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
+#include <functional>
 #include <memory>
-#include <utility>
 
 #include "apps/lenticule-tools/farm/actions.h"
 #include "apps/lenticule-tools/offline/frame_output.h"
@@ -16,15 +16,16 @@
 namespace lenticule::tools {
 namespace {
 
-using Actions = std::vector<std::pair<const CLI::App*, cli::Run>>;
-
-/// Adds an action on a work folder that is there.
-CLI::App* add_action(CLI::App& app, FarmFlags& flags, const char* name, const char* summary,
+/// Adds an action on a work folder that is there. CLI11 runs the callback of the subcommand that
+/// was given.
+CLI::App* add_action(CLI::App& app, FarmFlags& flags, const char* name,
+                     ExitCode (*action)(const FarmFlags&), const char* summary,
                      const char* example) {
   CLI::App* sub = app.add_subcommand(name, summary);
   sub->footer(fmt::format("Example:\n  {}", example));
   sub->add_flag("--json", flags.json, "print JSON");
   sub->add_option("DIR", flags.folder, "work folder that farm plan has made")->required();
+  sub->callback([&flags, action] { flags.action = action; });
   return sub;
 }
 
@@ -71,124 +72,118 @@ std::vector<std::string> given_arguments(const std::vector<const CLI::Option*>& 
   return arguments;
 }
 
-void declare_plan(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Actions& actions) {
+/// Returns the function that completes the flags of `render` if the action was given.
+std::function<void()> declare_plan(CLI::App& app, FarmFlags& flags) {
   CLI::App* sub = app.add_subcommand(
       "plan", "divide a film into chunks, and write a work folder with the command of each");
   sub->footer(
       "Example:\n  lenticule farm plan model.glb --frames 0:750 -o film.lts --work /shared/film");
-  const std::function<void()> complete = declare_render_flags(*sub, flags->render);
+  const std::function<void()> complete = declare_render_flags(*sub, flags.render);
   const CLI::App& parsed = *sub;
   const std::vector<const CLI::Option*> render_options =
       parsed.get_options([](const CLI::Option*) { return true; });
-  cli::add_option(*sub, "--chunk N|auto", flags->chunk_frames,
+  cli::add_option(*sub, "--chunk N|auto", flags.chunk_frames,
                   "frames in a chunk; auto: as many as take two minutes or more");
-  cli::add_option(*sub, "--timed-frames", flags->timed_frames,
+  cli::add_option(*sub, "--timed-frames", flags.timed_frames,
                   "frames to render now, to measure their time")
       ->check(CLI::Range(0, 100));
-  cli::add_option(*sub, "-o,--output FILE.lts", flags->output, "film to make")->required();
-  cli::add_option(*sub, "--work DIR", flags->folder, "work folder, which all machines share")
+  cli::add_option(*sub, "-o,--output FILE.lts", flags.output, "film to make")->required();
+  cli::add_option(*sub, "--work DIR", flags.folder, "work folder, which all machines share")
       ->required();
-  add_program(*sub, *flags);
-  sub->add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
-  sub->add_flag("--json", flags->json, "print JSON");
+  add_program(*sub, flags);
+  sub->add_flag("--overwrite", flags.overwrite, kOverwriteHelp);
+  sub->add_flag("--json", flags.json, "print JSON");
   const CLI::Option* const rig = sub->get_option("--rig");
-  actions.emplace_back(sub, [flags, complete, render_options, rig] {
+  sub->callback([&flags] { flags.action = farm_plan; });
+  return [&flags, complete, render_options, rig] {
+    if (flags.action != farm_plan) return;
     complete();
-    flags->arguments = given_arguments(render_options);
-    if (rig->count() == 0 && flags->render.wall.empty())
-      flags->arguments.push_back("--rig=" + absolute(flags->render.rig));
-    return farm_plan(*flags);
-  });
+    flags.arguments = given_arguments(render_options);
+    if (rig->count() == 0 && flags.render.wall.empty())
+      flags.arguments.push_back("--rig=" + absolute(flags.render.rig));
+  };
 }
 
-void declare_submit(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Actions& actions) {
-  CLI::App* sub =
-      add_action(app, *flags, "submit", "give the chunks that are not done to a scheduler",
-                 "lenticule farm submit /shared/film --slurm --array-limit 100");
-  sub->add_flag("--slurm", flags->slurm, "submit an array job and a job that merges to Slurm");
-  sub->add_flag("--dry-run", flags->dry_run, "print the scripts instead");
-  cli::add_option(*sub, "--partition NAME", flags->options.partition, "Slurm's partition");
-  cli::add_option(*sub, "--time TIME", flags->options.time,
+void declare_submit(CLI::App& app, FarmFlags& flags) {
+  CLI::App* sub = add_action(app, flags, "submit", farm_submit,
+                             "give the chunks that are not done to a scheduler",
+                             "lenticule farm submit /shared/film --slurm --array-limit 100");
+  sub->add_flag("--slurm", flags.slurm, "submit an array job and a job that merges to Slurm");
+  sub->add_flag("--dry-run", flags.dry_run, "print the scripts instead");
+  cli::add_option(*sub, "--partition NAME", flags.options.partition, "Slurm's partition");
+  cli::add_option(*sub, "--time TIME", flags.options.time,
                   "time limit of a chunk as sbatch takes it")
       ->default_str("from the timed frames");
-  cli::add_option(*sub, "--mem SIZE", flags->options.memory, "memory of a chunk as sbatch takes it")
+  cli::add_option(*sub, "--mem SIZE", flags.options.memory, "memory of a chunk as sbatch takes it")
       ->default_str("from the timed frames");
-  sub->add_option("--cpus", flags->options.cpus, "processors of a chunk")
+  sub->add_option("--cpus", flags.options.cpus, "processors of a chunk")
       ->default_str("as many as timed the frames")
       ->check(CLI::Range(1, 1024));
-  sub->add_option("--array-limit", flags->options.array_limit, "chunks that run at the same time")
+  sub->add_option("--array-limit", flags.options.array_limit, "chunks that run at the same time")
       ->check(CLI::Range(1, 1'000'000));
-  cli::add_option(*sub, "--sbatch ARGUMENT", flags->options.more,
+  cli::add_option(*sub, "--sbatch ARGUMENT", flags.options.more,
                   "a further argument of sbatch: --sbatch=--account=film; may be repeated")
       ->allow_extra_args(false);
-  add_program(*sub, *flags);
-  actions.emplace_back(sub, [flags] { return farm_submit(*flags); });
+  add_program(*sub, flags);
 }
 
-void declare_render_chunk(CLI::App& app, const std::shared_ptr<FarmFlags>& flags,
-                          Actions& actions) {
-  CLI::App* sub =
-      add_action(app, *flags, "render", "render one chunk: what the lines of commands.txt do",
-                 "lenticule farm render /shared/film 17");
-  sub->add_option("CHUNK", flags->chunk, "number of the chunk")->required();
-  add_threads(*sub, *flags);
-  actions.emplace_back(sub, [flags] { return farm_render(*flags); });
+void declare_render_chunk(CLI::App& app, FarmFlags& flags) {
+  CLI::App* sub = add_action(app, flags, "render", farm_render,
+                             "render one chunk: what the lines of commands.txt do",
+                             "lenticule farm render /shared/film 17");
+  sub->add_option("CHUNK", flags.chunk, "number of the chunk")->required();
+  add_threads(*sub, flags);
 }
 
-void declare_looks(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Actions& actions) {
-  CLI::App* show = add_action(app, *flags, "status",
+void declare_looks(CLI::App& app, FarmFlags& flags) {
+  CLI::App* show = add_action(app, flags, "status", farm_status,
                               "show what is done, runs, failed and is missing, and the time left",
                               "lenticule farm status /shared/film --watch");
-  show->add_flag("--watch", flags->watch, "show it every two seconds until all chunks are done");
-  actions.emplace_back(show, [flags] { return farm_status(*flags); });
+  show->add_flag("--watch", flags.watch, "show it every two seconds until all chunks are done");
 
   CLI::App* check =
-      add_action(app, *flags, "verify",
+      add_action(app, flags, "verify", farm_verify,
                  "render some frames again and compare them, to find a node that is faulty",
                  "lenticule farm verify /shared/film --sample 20");
-  cli::add_option(*check, "--sample", flags->sample, "number of frames, chosen at random");
-  check->add_option("--seed", flags->seed, "of the random choice, to make it again (0: another)");
-  add_threads(*check, *flags);
-  actions.emplace_back(check, [flags] { return farm_verify(*flags); });
+  cli::add_option(*check, "--sample", flags.sample, "number of frames, chosen at random");
+  check->add_option("--seed", flags.seed, "of the random choice, to make it again (0: another)");
+  add_threads(*check, flags);
 }
 
-void declare_results(CLI::App& app, const std::shared_ptr<FarmFlags>& flags, Actions& actions) {
-  CLI::App* join = add_action(app, *flags, "merge", "check the chunks and join them to the film",
-                              "lenticule farm merge /shared/film");
-  cli::add_option(*join, "-o,--output FILE.lts", flags->output,
+void declare_results(CLI::App& app, FarmFlags& flags) {
+  CLI::App* join =
+      add_action(app, flags, "merge", farm_merge, "check the chunks and join them to the film",
+                 "lenticule farm merge /shared/film");
+  cli::add_option(*join, "-o,--output FILE.lts", flags.output,
                   "another name of the film than the planned one");
-  join->add_flag("--partial", flags->partial, "join the frames before the first missing chunk");
-  cli::add_option(*join, "--wait SECONDS", flags->wait_seconds,
+  join->add_flag("--partial", flags.partial, "join the frames before the first missing chunk");
+  cli::add_option(*join, "--wait SECONDS", flags.wait_seconds,
                   "how long to wait for chunks that a network file system shows late")
       ->check(CLI::Range(0, 86400));
-  join->add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
-  actions.emplace_back(join, [flags] { return farm_merge(*flags); });
+  join->add_flag("--overwrite", flags.overwrite, kOverwriteHelp);
 
-  CLI::App* play = add_action(app, *flags, "feed",
+  CLI::App* play = add_action(app, flags, "feed", farm_feed,
                               "pass frames to a waiting player in their order while they are made",
                               "lenticule farm feed /shared/film ring:/tmp/lenticule.sock");
-  play->add_option("RING", flags->output, "ring:SOCKET of the player")->required();
-  cli::add_option(*play, "--ring-timeout SECONDS", flags->ring_timeout,
+  play->add_option("RING", flags.output, "ring:SOCKET of the player")->required();
+  cli::add_option(*play, "--ring-timeout SECONDS", flags.ring_timeout,
                   "how long to wait for a player, including one that restarts")
       ->check(CLI::Range(0.0, 86400.0));
-  actions.emplace_back(play, [flags] { return farm_feed(*flags); });
 }
 
 }  // namespace
 
 cli::Run declare_farm(CLI::App& app) {
-  auto flags = std::make_shared<FarmFlags>();
+  const auto flags = std::make_shared<FarmFlags>();
   app.require_subcommand(1);
-  Actions actions;
-  declare_plan(app, flags, actions);
-  declare_submit(app, flags, actions);
-  declare_looks(app, flags, actions);
-  declare_results(app, flags, actions);
-  declare_render_chunk(app, flags, actions);
-  return [actions]() -> ExitCode {
-    for (const auto& [sub, run] : actions)
-      if (sub->parsed()) return run();
-    throw Error(ErrorKind::Usage, "farm: no action", "see lenticule farm --help");
+  const std::function<void()> complete = declare_plan(app, *flags);
+  declare_submit(app, *flags);
+  declare_looks(app, *flags);
+  declare_results(app, *flags);
+  declare_render_chunk(app, *flags);
+  return [flags, complete]() -> ExitCode {
+    complete();
+    return flags->action(*flags);
   };
 }
 
