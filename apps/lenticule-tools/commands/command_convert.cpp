@@ -159,7 +159,6 @@ class VideoOutput final : public FrameOutput {
   explicit VideoOutput(const OutputRequest& request)
       : writer_({.file = request.target, .geometry = request.geometry, .rate = request.rate}) {}
 
-  bool has(uint64_t) const override { return false; }
   Delivery deliver(uint64_t, const frames::FrameView& pixels) override {
     writer_.write(pixels);
     return Delivery::Done;
@@ -225,7 +224,6 @@ class ViewFilesOutput final : public FrameOutput {
     }
     return Delivery::Done;
   }
-  void finish() override {}
 
  private:
   [[nodiscard]] uint64_t last_view() const {

@@ -66,8 +66,6 @@ class PictureFiles final : public FrameOutput {
     return Delivery::Done;
   }
 
-  void finish() override {}
-
  private:
   [[nodiscard]] fs::path file(uint64_t frame) const {
     return pattern_ ? pattern_->path(frame) : fs::path(single_);
@@ -92,8 +90,6 @@ class RingOutput final : public FrameOutput {
     hello_.frame_count = request.range.count();
     connect();
   }
-
-  bool has(uint64_t) const override { return false; }
 
   Delivery deliver(uint64_t frame, const frames::FrameView& pixels) override {
     while (!player::interrupted()) {

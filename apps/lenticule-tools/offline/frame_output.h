@@ -27,12 +27,12 @@ class FrameOutput {
  public:
   virtual ~FrameOutput() = default;
   /// Returns true if this frame exists already and need not be rendered again.
-  [[nodiscard]] virtual bool has(uint64_t frame) const = 0;
+  [[nodiscard]] virtual bool has(uint64_t /*frame*/) const { return false; }
   /// Delivers a frame. Throws Error(Failed) for errors such as a full disk, Error(Device) if the
   /// player is gone permanently.
   [[nodiscard]] virtual Delivery deliver(uint64_t frame, const frames::FrameView& pixels) = 0;
   /// Completes the output after every frame of the range was delivered.
-  virtual void finish() = 0;
+  virtual void finish() {}
 };
 
 struct OutputRequest {
