@@ -64,12 +64,11 @@ inline std::string job_name(const Plan& plan, const char* what) {
 }
 
 inline std::string script_head(const std::string& name, const SlurmOptions& options) {
-  std::string text = "#!/bin/sh\n";
-  text += fmt::format("#SBATCH --job-name={}\n", name);
-  if (!options.partition.empty())
-    text += fmt::format("#SBATCH --partition={}\n", options.partition);
-  text += "#SBATCH --nodes=1\n#SBATCH --ntasks=1\n#SBATCH --requeue\n#SBATCH --open-mode=append\n";
-  return text;
+  return fmt::format(
+      "#!/bin/sh\n#SBATCH --job-name={}\n{}#SBATCH --nodes=1\n#SBATCH --ntasks=1\n"
+      "#SBATCH --requeue\n#SBATCH --open-mode=append\n",
+      name,
+      options.partition.empty() ? "" : fmt::format("#SBATCH --partition={}\n", options.partition));
 }
 
 inline constexpr double kMemoryMargin = 1.5;
@@ -105,20 +104,15 @@ inline constexpr uint64_t kDefaultMinutes = 24 * 60;
                                                     const std::string& list) {
   const Plan& plan = folder.plan();
   const int cpus = cpus_of(plan, options);
-  std::string text = script_head(job_name(plan, "chunks"), options);
-  text += fmt::format("#SBATCH --cpus-per-task={}\n", cpus);
-  text += fmt::format("#SBATCH --mem={}\n", options.memory.empty()
-                                                ? fmt::format("{}M", slurm_mebibytes(plan))
-                                                : options.memory);
-  text += fmt::format("#SBATCH --time={}\n", options.time.empty()
-                                                 ? fmt::format("{}", slurm_minutes(plan, cpus))
-                                                 : options.time);
-  text += "#SBATCH --output=slurm/logs/%A_%a.log\n";
-  text += fmt::format("chunk=$(sed -n \"$((SLURM_ARRAY_TASK_ID + 1))p\" {})\n", shell_quoted(list));
-  text +=
-      fmt::format("exec {} farm render {} \"$chunk\" --threads \"${{SLURM_CPUS_PER_TASK:-{}}}\"\n",
-                  shell_quoted(program), shell_quoted(folder.path().string()), cpus);
-  return text;
+  return fmt::format(
+      "{}#SBATCH --cpus-per-task={}\n#SBATCH --mem={}\n#SBATCH --time={}\n"
+      "#SBATCH --output=slurm/logs/%A_%a.log\n"
+      "chunk=$(sed -n \"$((SLURM_ARRAY_TASK_ID + 1))p\" {})\n"
+      "exec {} farm render {} \"$chunk\" --threads \"${{SLURM_CPUS_PER_TASK:-{}}}\"\n",
+      script_head(job_name(plan, "chunks"), options), cpus,
+      options.memory.empty() ? fmt::format("{}M", slurm_mebibytes(plan)) : options.memory,
+      options.time.empty() ? fmt::format("{}", slurm_minutes(plan, cpus)) : options.time,
+      shell_quoted(list), shell_quoted(program), shell_quoted(folder.path().string()), cpus);
 }
 /// Time within which a file of another node shows in the folder of a network file system.
 inline constexpr int kMergeWaitSeconds = 120;
@@ -126,12 +120,11 @@ inline constexpr int kMergeWaitSeconds = 120;
 [[nodiscard]] inline std::string slurm_merge_script(const WorkFolder& folder,
                                                     const SlurmOptions& options,
                                                     const std::string& program) {
-  std::string text = script_head(job_name(folder.plan(), "merge"), options);
-  text += "#SBATCH --cpus-per-task=1\n#SBATCH --mem=512M\n";
-  text += "#SBATCH --output=slurm/logs/merge-%j.log\n";
-  text += fmt::format("exec {} farm merge {} --wait {}\n", shell_quoted(program),
-                      shell_quoted(folder.path().string()), kMergeWaitSeconds);
-  return text;
+  return fmt::format(
+      "{}#SBATCH --cpus-per-task=1\n#SBATCH --mem=512M\n"
+      "#SBATCH --output=slurm/logs/merge-%j.log\nexec {} farm merge {} --wait {}\n",
+      script_head(job_name(folder.plan(), "merge"), options), shell_quoted(program),
+      shell_quoted(folder.path().string()), kMergeWaitSeconds);
 }
 
 inline std::vector<std::string> common_arguments(const WorkFolder& folder,
@@ -231,9 +224,8 @@ inline constexpr size_t kFields = 5;
 
 /// Returns a reason without the differences between versions of Slurm.
 inline std::string plain(std::string_view reason) {
-  std::string text;
-  for (const char c : reason)
-    text += c == '_' ? ' ' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  std::string text = lower_case(std::string(reason));
+  std::ranges::replace(text, '_', ' ');
   return text;
 }
 
@@ -322,9 +314,7 @@ inline std::string chunks_text(const SlurmQueue& queue, TaskState state) {
 inline std::string reasons_text(const std::vector<QueuedTask>& tasks) {
   std::set<std::string> reasons;
   for (const QueuedTask& task : tasks) reasons.insert(escaped(task.reason));
-  std::string text;
-  for (const std::string& reason : reasons) text += (text.empty() ? "" : ", ") + reason;
-  return text;
+  return fmt::format("{}", fmt::join(reasons, ", "));
 }
 
 inline std::string held_text(const SlurmQueue& queue, TaskState state, const char* holder) {

@@ -176,7 +176,8 @@ std::vector<DoneChunk> read_reports(const WorkFolder& folder, double now) {
   return chunks;
 }
 
-/// Returns the chunks that two processes rendered with other bytes.
+/// Returns the chunks that two processes rendered with other bytes, in ascending order as the names
+/// of their reports.
 std::vector<uint64_t> differing_chunks(const WorkFolder& folder) {
   std::vector<uint64_t> chunks;
   for (const fs::path& file : entries_of(folder.path() / "reports")) {
@@ -186,7 +187,6 @@ std::vector<uint64_t> differing_chunks(const WorkFolder& folder) {
     if (chunk && *chunk < folder.plan().chunks() && folder.differing_report(*chunk))
       chunks.push_back(*chunk);
   }
-  std::sort(chunks.begin(), chunks.end());
   return chunks;
 }
 
@@ -215,7 +215,6 @@ std::vector<uint64_t> chunks_in_progress(const WorkFolder& folder, const std::ve
     const auto chunk = number_from<uint64_t>(attempts.filename().string());
     if (chunk && *chunk < done.size() && !done[*chunk]) chunks.push_back(*chunk);
   }
-  std::sort(chunks.begin(), chunks.end());
   return chunks;
 }
 
