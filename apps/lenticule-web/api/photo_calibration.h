@@ -70,11 +70,10 @@ struct FoundSheet {
   size_t photographs = 0;
 };
 
-/// CalibrationFit is what the command found in some photographs.
-struct CalibrationFit {
-  nlohmann::ordered_json report;    ///< null if the command failed
-  std::string message;              ///< reason why there is no report, or why the rig is refused
-  std::optional<FoundSheet> found;  ///< none if the rig is refused
+/// CalibrationFit is what the command found in some photographs. Its message is the reason why
+/// there is no report, or why the rig is refused.
+struct CalibrationFit : CalibrationOutput {
+  std::optional<FoundSheet> found{};  ///< none if the rig is refused
 };
 
 struct PhotoCalibrationOptions {
@@ -82,12 +81,6 @@ struct PhotoCalibrationOptions {
   std::filesystem::path program;  ///< lenticule
   std::function<bool()> stops;    ///< returns true when the server ends
   std::filesystem::path history;  ///< file of the rigs that were kept
-};
-
-/// PhotoRequest describes a photograph that arrives.
-struct PhotoRequest {
-  std::optional<std::string> place;   ///< name in kPhotoPlaces; else the next one
-  std::optional<double> distance_mm;  ///< from the panel to the camera
 };
 
 /// Keeps the photographs that are used in its folder, at most one for each place, until the rig is
@@ -155,21 +148,23 @@ class PhotoCalibration {
     set_stage("chart", "", nullptr, std::nullopt);
   }
   /// Returns the sink of the photograph, whose finish() answers with state(). A refused photograph
-  /// changes nothing about the others and their result. Throws HttpError 409 if no chart is shown,
-  /// 400 for an unknown place.
-  [[nodiscard]] std::unique_ptr<BodySink> photograph(const PhotoRequest& request) {
+  /// changes nothing about the others and their result. `name` is that of a place in kPhotoPlaces,
+  /// else the next one; `distance_mm` is from the panel to the camera. Throws HttpError 409 if no
+  /// chart is shown, 400 for an unknown place.
+  [[nodiscard]] std::unique_ptr<BodySink> photograph(const std::optional<std::string>& name,
+                                                     std::optional<double> distance_mm = {}) {
     Claim claim(working_);
     if (!std::filesystem::exists(folder_.chart()))
       throw HttpError(409, "no chart is shown", "show the chart first");
     size_t place = 0;
     {
       const std::lock_guard lock(mutex_);
-      place = request.place ? PhotoSession::place_of(*request.place) : session_.next().value_or(0);
+      place = name ? PhotoSession::place_of(*name) : session_.next().value_or(0);
     }
     return std::make_unique<PhotoUpload>(
         // The command knows a picture's format by its content.
         std::move(claim), folder_.incoming() / fmt::format("{}.jpg", kPhotoPlaces[place].name),
-        [this, place, distance_mm = request.distance_mm](const std::filesystem::path& file) {
+        [this, place, distance_mm](const std::filesystem::path& file) {
           judge(place, {.file = file, .distance_mm = distance_mm});
           return json_response(state());
         });
@@ -337,9 +332,7 @@ class PhotoCalibration {
         std::chrono::duration_cast<seconds>(deadline - std::chrono::steady_clock::now());
     const ProgramRun run =
         run_and_capture(words, AnswerTime::at_most(std::max(left, seconds(1))), options_.stops);
-    CalibrationOutput printed = parse_calibration_output(run.output);
-    CalibrationFit fit{
-        .report = std::move(printed.report), .message = std::move(printed.message), .found = {}};
+    CalibrationFit fit{parse_calibration_output(run.output)};
     if (run.timed_out) fit.message = "judging the photographs took too long";
     if (fit.report.is_null()) return fit;
     fit.message = first_reason(fit.report);

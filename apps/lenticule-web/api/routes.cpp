@@ -343,8 +343,7 @@ std::unique_ptr<BodySink> photograph_sink(const Call& call) {
     distance_mm = query_number(request, "distance", std::nullopt);
     if (*distance_mm < 1.0) throw HttpError(400, "distance: expected millimetres above 0");
   }
-  return call.site.calibration().photograph(
-      {.place = request.query("place"), .distance_mm = distance_mm});
+  return call.site.calibration().photograph(request.query("place"), distance_mm);
 }
 Response delete_photograph(const Call& call) {
   call.site.calibration().remove(call.request.query("place").value_or(""));

@@ -75,8 +75,7 @@ class PhotoCalibrationTest : public testing::Test {
   }
   /// Sends a photograph and returns the state after it.
   ordered_json send(const std::string& what, std::optional<std::string> place = {}) {
-    const auto sink =
-        calibration_->photograph({.place = std::move(place), .distance_mm = std::nullopt});
+    const auto sink = calibration_->photograph(place);
     sink->take({reinterpret_cast<const uint8_t*>(what.data()), what.size()});
     return ordered_json::parse(sink->finish().body);
   }
@@ -199,7 +198,7 @@ TEST_F(PhotoCalibrationTest, BeginDiscardAndAnInterruptedUploadLeaveNoPhotograph
   EXPECT_EQ(files(), std::set<std::string>());
   calibration_->begin();
   {
-    const auto sink = calibration_->photograph({.place = "left", .distance_mm = {}});
+    const auto sink = calibration_->photograph("left");
     EXPECT_THROW((void)calibration_->photograph({}), HttpError) << "one at a time";
   }
   EXPECT_TRUE(std::filesystem::is_empty(folder_ / "calibration/incoming"));
