@@ -275,11 +275,16 @@ class Reader {
   [[nodiscard]] SourceSpec source(const std::string& name, toml::source_index line) const {
     if (name.empty() || name.size() > kMaxSourceBytes || name.find('\0') != std::string::npos)
       fail_at(line, "source: not a valid name");
-    const SourceSpec source = parse_source(name, {}, folder_);
-    if (source.kind == SourceKind::List && !names_folder(source.text))
-      fail_at(line, "source: a list cannot contain a list");
-    if (source.kind == SourceKind::Live) (void)parse_capture(source.text);
-    return source.in_folder(folder_);
+    try {
+      const SourceSpec source = parse_source(name, {}, folder_);
+      if (source.kind == SourceKind::List && !names_folder(source.text))
+        fail_at(line, "source: a list cannot contain a list");
+      if (source.kind == SourceKind::Live) (void)parse_capture(source.text);
+      return source.in_folder(folder_);
+    } catch (const Error& error) {
+      if (error.kind() == ErrorKind::Input) throw;
+      fail_at(line, error.what(), error.hint());
+    }
   }
   [[nodiscard]] std::string text(const toml::node& node) const {
     if (const auto* const value = node.as_string()) return value->get();

@@ -46,7 +46,8 @@ TEST(PlaylistFile, ReadsTheListsOfOtherPlayers) {
   EXPECT_EQ(list.items[1].source.text, "/b/c.mp4");
   EXPECT_EQ(list.items[1].still_s, kStillSeconds);
   EXPECT_EQ(list.rounds, kForever);
-  for (const auto& [text, line] : {std::pair("#EXTM3U\n", "1"), {"a.png\n\nother.toml\n", "3"}}) {
+  for (const auto& [text, line] :
+       {std::pair("#EXTM3U\n", "1"), {"a.png\n\nother.toml\n", "3"}, {"a.png\nv4l2:\n", "2"}}) {
     try {
       (void)parse_playlist(text, "list.m3u", "/films");
       ADD_FAILURE() << text;
@@ -299,7 +300,7 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
               testing::HasSubstr(":3: depth: 'middle': neither a side nor a file"));
   EXPECT_EQ(complaint(item + "depth = \"depth.png\"\n"), "none");
   EXPECT_THAT(complaint("[[item]]\nsource = \"v4l2:/dev/video0?size=4\"\n"),
-              testing::HasSubstr(":2: source: source 'v4l2:/dev/video0?size=4': size"));
+              testing::HasSubstr(":2: source 'v4l2:/dev/video0?size=4': size"));
   EXPECT_THAT(complaint(item + "fit = \"wide\"\n"), testing::HasSubstr(":3: fit: "));
   EXPECT_THAT(complaint(item + "grid = \"2x1\"\nstereo = \"sbs\"\n"),
               testing::HasSubstr("exclude each other"));
