@@ -169,7 +169,8 @@ void check_complete(const VerbRow& row, const ControlRequest& request, const jso
     refuse(fmt::format("{}: expected either source or item", row.name));
   const std::string& file = line.contains("picture") ? request.overlay->content : request.file;
   if ((request.verb == "snapshot" || line.contains("picture")) && file.front() != '/')
-    refuse("file: not an absolute path", "the player's working folder may differ from yours");
+    refuse(fmt::format("{}: not an absolute path", request.overlay ? "picture" : "file"),
+           "the player's working folder may differ from yours");
   if (request.verb == "seek" && !request.frame && !request.item)
     refuse("seek: frame and item are missing");
   if (request.verb == "trim" && !request.offset_lenses && !request.pitch_relative)

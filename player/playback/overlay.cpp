@@ -101,8 +101,9 @@ void check_clock(const std::string& format) {
       refuse("clock", fmt::format("'{}': not a format of strftime", format.substr(0, 64)),
              "for example \"%H:%M\" or \"%A %-d %B\"");
   }
+  constexpr std::time_t kLongNames = 1790164800;  // a Wednesday in September
   std::array<char, kMaxClock + 1> text{};
-  if (clock_text(format, std::time(nullptr), text).empty())
+  if (clock_text(format, kLongNames, text).empty())
     refuse("clock", fmt::format("the time has more than {} letters", kMaxClock));
 }
 
@@ -111,23 +112,27 @@ int pixels(const std::optional<double>& height, double usual, const frames::Fram
 }
 
 /// Returns a picture whose pixels are the means of the light that falls on them.
-frames::FloatImage scaled(const frames::FloatImage& from, int width, int height) {
+frames::FloatImage scaled(const frames::TextureImage& from, int width, int height) {
   frames::FloatImage to{width, height, {}};
   const double dx = double{1} * from.width / width, dy = double{1} * from.height / height;
   const auto overlap = [](int pixel, double begin, double end) {
     return std::max(0.0, std::min(pixel + 1.0, end) - std::max<double>(pixel, begin));
+  };
+  const std::array<double, 256>& light = frames::linear_of_codes();
+  const auto value = [&](size_t at) -> double {
+    if (from.codes.empty()) return from.rgba[at];
+    return at % 4 == 3 ? from.codes[at] / 255.0 : light[from.codes[at]];
   };
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       std::array<double, 4> sums{};
       for (int j = static_cast<int>(y * dy); j < from.height && j < (y + 1) * dy; ++j) {
         for (int i = static_cast<int>(x * dx); i < from.width && i < (x + 1) * dx; ++i) {
-          const float* const pixel =
-              &from.rgba[4 * (static_cast<size_t>(j) * static_cast<size_t>(from.width) +
-                              static_cast<size_t>(i))];
-          const double opaque =
-              overlap(i, x * dx, (x + 1) * dx) * overlap(j, y * dy, (y + 1) * dy) * pixel[3];
-          for (size_t c = 0; c < 3; ++c) sums[c] += opaque * pixel[c];
+          const size_t pixel = 4 * (static_cast<size_t>(j) * static_cast<size_t>(from.width) +
+                                    static_cast<size_t>(i));
+          const double opaque = overlap(i, x * dx, (x + 1) * dx) *
+                                overlap(j, y * dy, (y + 1) * dy) * value(pixel + 3);
+          for (size_t c = 0; c < 3; ++c) sums[c] += opaque * value(pixel + c);
           sums[3] += opaque;
         }
       }
@@ -152,7 +157,7 @@ void read_picture(Overlay& overlay) {
         .remedy("state a smaller height, for example height = 0.1");
   frames::TextureImage picture = frames::read_texture(file);
   if (picture.width != width || picture.height != height || picture.codes.empty()) {
-    const frames::FloatImage floats = scaled(frames::floats_of(std::move(picture)), width, height);
+    const frames::FloatImage floats = scaled(picture, width, height);
     picture.codes.resize(floats.rgba.size());
     for (size_t n = 0; n < floats.rgba.size(); ++n)
       picture.codes[n] = n % 4 == 3 ? frames::code_from_encoded(floats.rgba[n])
@@ -201,7 +206,10 @@ void begin_text(Overlay& overlay) {
   const frames::FrameGeometry& panel = overlay.panel;
   overlay.dot_px =
       std::max(1, pixels(overlay.spec.height, kLineHeight, panel) / frames::kCellHeight);
-  const int columns = (panel.width / overlay.dot_px - 2 * kPadding) / frames::kCellWidth;
+  const auto room = [&overlay](int px, int cell) {
+    return (px / overlay.dot_px + 1 - 2 * kPadding) / cell;
+  };
+  const int columns = room(panel.width, frames::kCellWidth);
   overlay.columns = static_cast<size_t>(std::max(1, columns));
   std::vector<std::string> lines;
   for (std::string_view rest = overlay.spec.content; !rest.empty();)
@@ -210,11 +218,11 @@ void begin_text(Overlay& overlay) {
   // Memory for any time that a clock may show.
   if (overlay.spec.kind == OverlaySpec::Kind::Clock)
     lines = {std::string(std::min(kMaxClock, overlay.columns), ' ')};
-  overlay.written.reserve(kMaxClock);
-  write(overlay, std::vector<std::string_view>(lines.begin(), lines.end()));
-  if (columns < 1 || overlay.size.height > panel.height)
+  if (columns < 1 || std::ssize(lines) > room(panel.height, frames::kCellHeight))
     throw input_error("{}: does not fit the panel", to_string(overlay.spec))
         .remedy("state a smaller height, or shorten the text");
+  overlay.written.reserve(kMaxClock);
+  write(overlay, std::vector<std::string_view>(lines.begin(), lines.end()));
 }
 
 Overlay made(const OverlaySpec& spec, uint32_t bit, const frames::FrameGeometry& panel,
@@ -234,8 +242,10 @@ Overlay made(const OverlaySpec& spec, uint32_t bit, const frames::FrameGeometry&
     begin_text(overlay);
   }
   const bool opaque = std::ranges::all_of(overlay.alpha, [](uint8_t one) { return one == 255; });
-  (void)blended_codes();  // takes a tenth of a second the first time
-  if (!opaque) overlay.blended.resize(overlay.colours.bytes().size());
+  if (!opaque) {
+    (void)blended_codes();  // takes a tenth of a second the first time
+    overlay.blended.resize(overlay.colours.bytes().size());
+  }
   return overlay;
 }
 
@@ -340,7 +350,6 @@ void OverlaySet::add_words(uint32_t mask, std::vector<std::string>& words) const
 
 void OverlaySet::draw(const frames::FrameView& frame, uint32_t mask, std::time_t now,
                       std::vector<OverlayBox>& boxes) noexcept {
-  const uint8_t* const codes = blended_codes().data();
   for (Overlay& overlay : overlays_) {
     if ((mask & overlay.bit) == 0 || overlay.part >= std::max<size_t>(1, frame.parts.size()))
       continue;
@@ -359,6 +368,7 @@ void OverlaySet::draw(const frames::FrameView& frame, uint32_t mask, std::time_t
       boxes.push_back(box);
       continue;
     }
+    const uint8_t* const codes = blended_codes().data();
     const std::span<uint8_t> out = std::span(overlay.blended).first(size.frame_bytes());
     OverlayBox{.pixels = frame.parts.empty() ? frame : frame.parts[overlay.part]}.copy_into(
         out, size, box.left, box.top);

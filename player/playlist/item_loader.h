@@ -987,7 +987,7 @@ class ItemLoader {
                                                     uint64_t frame) const {
     auto open = std::make_unique<OpenItem>();
     open->item = item;
-    open->first_frame = frame;
+    open->first_frame = open->began_at = frame;
     open->skips_to_first = frame > 0;
     if (options_.marks_of) open->files = options_.marks_of(item);
     open->opened = options_.open(item, frame);

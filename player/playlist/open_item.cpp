@@ -34,6 +34,7 @@ Error no_such_frame(const PlaylistItem& item, uint64_t frame, uint64_t count) {
 ItemProgress progress_of(const OpenItem& item, uint64_t given) {
   return {.number = item.number,
           .first_frame = item.first_frame,
+          .began_at = item.began_at,
           .frame = item.last_number,
           .frames_pulled = item.frames_pulled,
           .pulled_this_round = item.pulled_this_round,
@@ -67,6 +68,7 @@ ItemProgress progress_at(ItemProgress progress, const LeftItem& left) {
 }
 
 void continue_item(OpenItem& item, const ItemProgress& progress) {
+  item.began_at = progress.began_at;
   item.frames_pulled = progress.frames_pulled;
   item.pulled_this_round = progress.pulled_this_round;
   item.loops_done = progress.loops_done;

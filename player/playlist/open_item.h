@@ -26,6 +26,7 @@ struct OpenItem {
   bool interrupts = false;      ///< an item of an interruption, which is not in the list
   int64_t rounds_done = 0;      ///< rounds of the list when the item was chosen
   uint64_t first_frame = 0;
+  uint64_t began_at = 0;        ///< frame at which its turn began: that of a jump
   std::vector<FileMark> files;  ///< state of the files before the item was opened
   OpenedSource opened;
   std::unique_ptr<Transition> transition{};  ///< to this item; null: a cut
@@ -72,6 +73,7 @@ struct OpenItem {
 struct ItemProgress {
   uint32_t number = 0;  ///< running number of the item; 0: none
   uint64_t first_frame = 0;
+  uint64_t began_at = 0;
   uint64_t frame = 0;  ///< number of the frame with which the item continues
   uint64_t frames_pulled = 0;
   uint64_t pulled_this_round = 0;

@@ -83,7 +83,7 @@ class PlaylistSource final : public frames::FrameSource {
     const auto end =
         SteadyClock::now() + std::chrono::duration<double>(seconds.value_or(kUntilEnded));
     const std::lock_guard lock(live_mutex_);
-    live_ = std::move(live);
+    live_.swap(live);
     live_end_ = std::chrono::time_point_cast<SteadyClock::duration>(end);
   }
   /// Removes that overlay if its time is over. Returns true if it was there.
@@ -293,7 +293,7 @@ class PlaylistSource final : public frames::FrameSource {
     item.last_number = out.number;
     out.token = next_token_++;
     out.item = item.number;
-    acquired_.back().overlays = overlays_over(item, out.number);
+    acquired_.back().overlays = overlays_over(item);
     reporter_.count_damage(item);
     if (!item.is_placeholder()) give_up_at_.reset();
     drop(last_);
@@ -303,13 +303,13 @@ class PlaylistSource final : public frames::FrameSource {
     if (item.handed_out == 1) loader_.note_first_frame(item);
     if (starts && !item.is_placeholder()) reporter_.started(item);
   }
-  /// Returns the overlays of the item's frame `number`, and reports those that begin or end.
-  [[nodiscard]] OverlayMoment overlays_over(const OpenItem& item, uint64_t number) {
+  /// Returns the overlays of the frame that was pulled, and reports those that begin or end.
+  [[nodiscard]] OverlayMoment overlays_over(const OpenItem& item) {
     OverlayMoment moment{.set = item.overlays.get(), .time = options_.clock()};
-    const uint64_t before = item.loops_done * item.opened.source->frame_count().value_or(0);
     // A step of a transition of a still picture has begun at the end of the one before.
     const double still = item.blended_s - (item.picture ? 1.0 / rate_->hertz() : 0.0);
-    const double frames = static_cast<double>(before + number) / rate_of(item).hertz();
+    const double frames =
+        static_cast<double>(item.began_at + item.frames_pulled) / rate_of(item).hertz();
     if (moment.set != nullptr) moment.due = moment.set->due_at(still + frames);
     {
       const std::lock_guard lock(live_mutex_);
@@ -425,6 +425,7 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] bool takes_replacement(const OpenItem& item) {
     std::unique_ptr<OpenItem> fresh = loader_.take_replacement(item.number);
     if (!fresh) return false;
+    fresh->began_at = item.began_at;
     fresh->frames_pulled = item.frames_pulled;  // its play time continues
     fresh->loops_done = item.loops_done;
     const std::string source = item.item.source.text;

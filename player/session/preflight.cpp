@@ -63,11 +63,11 @@ PaceFigures measure(Transition transition, frames::FrameGeometry panel, frames::
 
 ordered_json examine(const PlaylistItem& item, const Playlist& list, const PlayPlan& plan) {
   ordered_json row = row_of(item.source.text, {});
-  // A ring's renderer determines its own pace.
-  if (item.source.kind == SourceKind::Ring) return row;
   const OverlaySet overlays(item.overlays, plan.context.pictures(), [&row](const Error& error) {
     row["problems"].push_back(with_remedy(error));
   });
+  // A ring's renderer determines its own pace.
+  if (item.source.kind == SourceKind::Ring) return row;
   try {
     OpenedSource opened = item_opener(plan)(item, 0);
     if (opened.live) {  // the camera determines its own pace

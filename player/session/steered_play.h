@@ -402,7 +402,10 @@ class PlayControls final : public ControlTarget {
   void locked_show_again() {
     const DisplayedPlace displayed = playback_.displayed();
     const auto item = source_->account_of(static_cast<uint32_t>(displayed.item));
-    if (playback_.paused() && item && item->index)
+    const auto list = source_->list();
+    if (!playback_.paused() || source_->status().opening || !item) return;
+    // Of a part of a file, the displayed number may count from the file's start.
+    if (list->has(item->index, item->source) && !list->items[*item->index].frames)
       source_->jump({.item = static_cast<int64_t>(*item->index), .frame = displayed.number},
                     [](const Error*) {});
   }
@@ -728,7 +731,8 @@ class SteeredPlay {
     using Kind = PlaylistEvent::Kind;
     if (plan_.trim && (event.kind == Kind::ItemStarted || event.kind == Kind::Returned))
       plan_.trim->note_content(event.woven_elsewhere);
-    const bool is_fault = event.kind == Kind::ItemSkipped || event.kind == Kind::Kept;
+    const bool is_fault = event.kind == Kind::ItemSkipped || event.kind == Kind::Kept ||
+                          event.kind == Kind::BadOverlay;
     if (is_fault && interrupted()) return;  // a signal ends what opens an item, too
     switch (event.kind) {
       case Kind::ItemStarted:

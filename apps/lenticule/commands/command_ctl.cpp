@@ -262,10 +262,10 @@ void declare_fields(CLI::App& app, std::string_view verb, CtlFlags& flags) {
     };
     app.add_option_function<std::string>("--picture", put_picture, "picture with its alpha")
         ->type_name("FILE");
-    add_field<std::string>(app, request, "--text", "text", "caption")->type_name("TEXT");
+    add_field<std::string>(app, request, "--text", "text", "caption")->type_name("WORDS");
     add_field<std::string>(app, request, "--clock", "clock", "time, such as %H:%M (strftime)")
         ->type_name("FORMAT");
-    add_field<std::string>(app, request, "--code", "code", "QR code of a text")->type_name("TEXT");
+    add_field<std::string>(app, request, "--code", "code", "QR code of a text")->type_name("WORDS");
     add_field<std::string>(app, request, "--at", "at", "one of nine places, such as \"top left\"")
         ->type_name("PLACE")
         ->default_str("bottom right");

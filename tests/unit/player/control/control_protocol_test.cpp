@@ -34,7 +34,7 @@ TEST(ControlProtocol, AnOverlayIsCompleteOrRefused) {
         {R"({"do":"overlay","off":false})", "off: "},
         {R"({"do":"overlay","off":true,"text":"a"})", "off: "},
         {R"({"do":"overlay","text":"a","from_s":1})", "unknown field 'from_s'"},
-        {R"({"do":"overlay","picture":"a.png"})", "file: not an absolute path"},
+        {R"({"do":"overlay","picture":"a.png"})", "picture: not an absolute path"},
         {R"({"do":"overlay","text":"a","for_s":-1})", "for_s: not a number above 0"}})
     EXPECT_THAT(complaint(line), testing::HasSubstr(cause)) << line;
 }

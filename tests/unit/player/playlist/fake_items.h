@@ -21,8 +21,12 @@ inline constexpr frames::FrameGeometry kItemSize{.width = 16, .height = 8};
 /// Frame k of a source whose numbers begin at `base` has the pixels of numbered_frame(base + k).
 class OffsetSource final : public PlainSource {
  public:
-  OffsetSource(uint64_t base, FakeSourceScript script, bool count_at_end, bool waits)
-      : script_(std::move(script)), count_at_end_(count_at_end), waits_(waits) {
+  OffsetSource(uint64_t base, FakeSourceScript script, bool count_at_end, bool waits,
+               uint64_t loop_begin)
+      : script_(std::move(script)),
+        count_at_end_(count_at_end),
+        waits_(waits),
+        loop_begin_(loop_begin) {
     for (uint64_t k = 0; k < script_.frames; ++k)
       pixels_.push_back(numbered_frame(script_.geometry, base + k));
   }
@@ -43,13 +47,14 @@ class OffsetSource final : public PlainSource {
   [[nodiscard]] int max_acquired() const override { return 100; }
   [[nodiscard]] uint64_t ready_count() const override { return script_.frames - position_; }
   [[nodiscard]] bool rewind() override {
-    position_ = 0;
+    position_ = loop_begin_;
     return script_.can_rewind;
   }
 
  private:
   FakeSourceScript script_;
   bool count_at_end_, waits_;
+  uint64_t loop_begin_;
   std::vector<frames::WovenFrame> pixels_;
   uint64_t position_ = 0;
   uint64_t pulled_ = 0;
@@ -60,6 +65,7 @@ struct FakeItem {
   FakeSourceScript script{.geometry = kItemSize};
   bool waits = false;         ///< no frame comes
   bool count_at_end = false;  ///< as of a video, whose end alone tells the number of its frames
+  uint64_t loop_begin = 0;    ///< first frame of later rounds
 };
 
 /// A fake disk with the items of a list. Thread safety: any thread may call.
@@ -79,8 +85,8 @@ class FakeShelf {
         throw Error(ErrorKind::Input, wanted.source.text + ": no such file", "look for it");
       player::OpenedSource opened;
       const FakeItem& item = found->second;
-      opened.source =
-          std::make_unique<OffsetSource>(item.base, item.script, item.count_at_end, item.waits);
+      opened.source = std::make_unique<OffsetSource>(item.base, item.script, item.count_at_end,
+                                                     item.waits, item.loop_begin);
       return opened;
     };
   }

@@ -2,6 +2,7 @@
 // Tests overlays: each subpixel in scan-out memory against an oracle, and when they are shown.
 #include "player/playback/overlay.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -260,6 +261,15 @@ TEST_F(Overlays, TheTimesOfAnOverlayCountFromTheFirstFrameOfTheItemOverItsLoops)
   EXPECT_THAT(overlaid(100), ElementsAre(6, 7, 8, 22, 23, 24));
 }
 
+TEST_F(Overlays, TheTimesCountWhatIsShownOfAFilmWithAnIntroduction) {
+  shelf.put("loop", {.script = {.geometry = kPanel, .frames = 6, .rate = frames::Rate{10, 1}},
+                     .loop_begin = 4});
+  Playlist list = list_of("loop", {parsed(R"({"text": "x", "from_s": 0.9, "for_s": 0.2})")});
+  list.items.front().loops = 4;
+  (void)open(list);
+  EXPECT_THAT(overlaid(100), ElementsAre(9, 10));
+}
+
 TEST_F(Overlays, AJumpToAFrameIsAJumpInTime) {
   put("film", 50);
   (void)open(list_of("film", {parsed(R"({"text": "x", "from_s": 2, "for_s": 0.5})")}));
@@ -458,9 +468,11 @@ TEST_F(Overlays, OneThatCannotBeDrawnIsLeftOutAndTheFilmPlaysWithTheOthers) {
   disk.pictures["large.png"] = random_picture(200, 20);
   put("film", 5);
   (void)open(list_of(
-      "film", {parsed(R"({"picture": "gone.png"})"), parsed(R"({"picture": "large.png"})"),
-               parsed(R"({"code": "https://example.org/", "height": 0.1})"),
-               parsed(R"({"text": "x", "height": 1})"), parsed(R"({"picture": "logo.png"})")}));
+      "film",
+      {parsed(R"({"picture": "gone.png"})"), parsed(R"({"picture": "large.png"})"),
+       parsed(R"({"code": "https://example.org/", "height": 0.1})"),
+       parsed(R"({"text": "x", "height": 1})"), parsed(R"({"picture": "logo.png"})"),
+       parsed(fmt::format(R"({{"text": "{}", "height": 0.3}})", std::string(500, 'x')).c_str())}));
   EXPECT_EQ(overlaid(100).size(), 5U);
   EXPECT_THAT(source->status().overlays, ElementsAre("picture logo.png, bottom right"));
   std::vector<std::string> problems;
@@ -470,7 +482,8 @@ TEST_F(Overlays, OneThatCannotBeDrawnIsLeftOutAndTheFilmPlaysWithTheOthers) {
               ElementsAre("gone.png: cannot read: no such file; look for it",
                           "large.png: 200x20 pixels, but the panel has 150x100; state a smaller "
                           "height, for example height = 0.1",
-                          HasSubstr("code: "), HasSubstr("text x, bottom right: ")));
+                          HasSubstr("code: "), HasSubstr("text x, bottom right: "),
+                          HasSubstr("does not fit the panel")));
 }
 
 TEST(OverlaySpec, NamesTheKeyAndTheCauseOfWrongOnes) {
