@@ -140,7 +140,7 @@ struct Calibration {
   std::optional<LensSpot> spot;
   LinkCheck link;
   DriftPrediction drift;
-  /// What `drift` would be if one photograph were certainly not cropped; 0 for other methods.
+  /// Error of one photograph, in lenses, if it was certainly not cropped; 0 for other methods.
   double at_camera_lenses = 0.0;
   double seconds_computing = 0.0;
 };

@@ -446,7 +446,7 @@ constexpr double kEvenLenses = 0.02;
 /// PlaneFit holds the steps of the fit; after a refusal those until there.
 struct PlaneFit {
   FringeSamples fringes;
-  FringeSums sums;  ///< for a rig near the present one
+  FringeSums sums;  ///< made with a rig that is close to the present one
   optics::Rig rig;  ///< the rig known so far
   std::vector<FringeBlock> blocks;
   PlaneCorrection correction;

@@ -54,7 +54,7 @@ class SubpixelFinder {
   }
 
   optics::Panel panel_;
-  std::vector<std::vector<Candidate>> candidates_;  ///< of each pixel of a layout of cells
+  std::vector<std::vector<Candidate>> candidates_;  ///< one list per pixel of the layout's cell
   bool stripes_;            // red, green, blue or reversed, every pixel alike
   bool along_rows_;         // stripes of a panel rotated by 90 degrees
   bool reversed_;           // blue first

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How overlays are drawn.
+// Draws overlays into boxes, which replace rectangles of frames.
 //
 // An overlay lies in the plane of the panel: a pixel of it has one colour and one alpha for every
 // view, so that each eye sees it at the same place; nothing is woven. Where alpha is 255 the bytes

@@ -27,7 +27,7 @@ struct OverlaySpec {
   enum class Kind { Picture, Text, Clock, Code };
   Kind kind = Kind::Picture;
   std::string content{};           ///< file, text, format of strftime(), or text of the QR code
-  size_t place = 8;                ///< of nine, from the top left to the bottom right
+  size_t place = 8;                ///< 0 is the top left, 2 the top right, 8 the bottom right
   std::optional<double> height{};  ///< part of the panel's height: of a picture, a line, a code
   double from_s = 0.0;             ///< content time after the item's first frame
   std::optional<double> for_s{};   ///< none: to the end
@@ -57,12 +57,12 @@ struct OverlayBox {
 /// An overlay for one panel.
 struct Overlay {
   OverlaySpec spec;
-  uint32_t bit = 1;  ///< of the masks of its set
+  uint32_t bit = 1;  ///< stands for it in the masks of OverlaySet
   frames::FrameGeometry panel;
   size_t part = 0;
-  frames::FrameGeometry size{};  ///< of the box; at most that of `colours`
+  frames::FrameGeometry size{};  ///< size of the box, at most that of `colours`
   frames::WovenFrame colours{};
-  std::vector<uint8_t> alpha{};    ///< of each pixel of `colours`
+  std::vector<uint8_t> alpha{};    ///< one value per pixel of `colours`
   frames::AlignedBytes blended{};  ///< empty for an opaque overlay
   int dot_px = 1;                  ///< side of a dot of the font
   size_t columns = 0;              ///< letters that fit the panel's width

@@ -212,12 +212,12 @@ using JumpDone = std::function<void(const Error* error)>;
 /// Thread safety: the functions are called on any thread, and must not call back into the source.
 struct PlaylistSourceOptions {
   frames::FrameGeometry panel = {};
-  std::vector<frames::FrameGeometry> panels = {};  ///< of a wall; empty for one panel
+  std::vector<frames::FrameGeometry> panels = {};  ///< the panels of a wall; empty for one panel
   ItemOpener open;
   /// The rate at which all items are played, overriding their own.
   std::optional<frames::Rate> rate = std::nullopt;
   std::function<LocalTime()> local_time = local_time_now;
-  std::function<std::time_t()> clock = [] { return std::time(nullptr); };  ///< of overlays
+  std::function<std::time_t()> clock = [] { return std::time(nullptr); };  ///< shown by overlays
   PlaylistReporter::OnEvent on_event = nullptr;
   /// Returns the state of an item's files; two results are equal as long as no file was replaced.
   /// Replaced files take effect at the item's next loop point. Null: they are not detected.

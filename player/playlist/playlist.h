@@ -120,7 +120,7 @@ struct Playlist {
   std::optional<uint64_t> shuffle{};  ///< plays each round in another order, which this seed gives
   TransitionKind transition = TransitionKind::Cut;  ///< default of the items
   double transition_s = 0.5;
-  std::vector<OverlaySpec> overlays{};  ///< of all items, which have them, too
+  std::vector<OverlaySpec> overlays{};  ///< each item has a copy of these
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};
   /// Shows black while no item can be played, because its files may come later.

@@ -580,7 +580,7 @@ class PlaylistSource final : public frames::FrameSource {
   std::vector<std::unique_ptr<OpenItem>> retired_;  ///< items with frames that are still borrowed
   std::vector<Acquired> acquired_;
   std::vector<OverlayBox> boxes_;
-  OverlayMoment shown_;    ///< that of the frame taken last
+  OverlayMoment shown_;    ///< overlays of the newest frame
   std::mutex live_mutex_;  ///< guards the two members below
   std::shared_ptr<OverlaySet> live_;
   SteadyClock::time_point live_end_;

@@ -404,7 +404,7 @@ class PlayControls final : public ControlTarget {
     const auto item = source_->account_of(static_cast<uint32_t>(displayed.item));
     const auto list = source_->list();
     if (!playback_.paused() || source_->status().opening || !item) return;
-    // Of a part of a file, the displayed number may count from the file's start.
+    // An item with `frames` may count its frames from the start of the file, and a jump does not.
     if (list->has(item->index, item->source) && !list->items[*item->index].frames)
       source_->jump({.item = static_cast<int64_t>(*item->index), .frame = displayed.number},
                     [](const Error*) {});
