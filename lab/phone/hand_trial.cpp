@@ -317,6 +317,7 @@ WrongWayTrial::WrongWayTrial(uint64_t seed, const WorkshopLimits& limits,
     : workshop_(draw_workshop(seed, limits)),
       sheet_(workshop_.start.panel, workshop_.build),
       folder_(parent) {}
+WrongWayTrial::~WrongWayTrial() = default;
 
 std::filesystem::path WrongWayTrial::photograph_of(size_t number, const optics::Rig& shown,
                                                    const WrongWay* way) {
@@ -396,27 +397,33 @@ bool has_one_of(const std::string& text, const std::string& causes) {
 
 }  // namespace
 
-WrongWayResult WrongWayTrial::calibrate(const WrongWay& way) {
-  const size_t last = workshop_.shots.size() - 1;
-  std::optional<tools::HandHeldPhotos> photos;
+tools::HandHeldPhotos WrongWayTrial::begin(const WrongWay* way, std::string& reason) {
   optics::Rig start = workshop_.start;
-  WrongWayResult out;
-  const auto begin = [&] {
-    photos.emplace(start);
-    out.reason = photos->add(photograph_of(0, start, way.all ? &way : nullptr));
-  };
-  begin();
+  tools::HandHeldPhotos photos(start);
+  reason = photos.add(photograph_of(0, start, way));
   // The owner obeys the program, which asks once for a new start if the pitch is far off.
-  if (const auto better = photos->better_start()) {
+  if (const auto better = photos.better_start()) {
     start = *better;
-    begin();
+    photos = tools::HandHeldPhotos(start);
+    reason = photos.add(photograph_of(0, start, way));
   }
-  for (size_t k = 1; k <= last; ++k) {
-    const std::string refusal =
-        photos->add(photograph_of(k, start, way.all || k == last ? &way : nullptr));
-    if (!refusal.empty()) out.reason = refusal;
-  }
-  const calib::Calibration found = photos->calibrate();
+  for (size_t k = 1; k + 1 < workshop_.shots.size(); ++k)
+    if (std::string refusal = photos.add(photograph_of(k, start, way)); !refusal.empty())
+      reason = std::move(refusal);
+  return photos;
+}
+
+WrongWayResult WrongWayTrial::calibrate(const WrongWay& way) {
+  WrongWayResult out;
+  if (!way.all && !right_)
+    right_ = std::make_unique<tools::HandHeldPhotos>(begin(nullptr, right_reason_));
+  out.reason = right_reason_;
+  tools::HandHeldPhotos photos = way.all ? begin(&way, out.reason) : *right_;
+  const optics::Rig start = photos.chart().start;
+  if (std::string refusal = photos.add(photograph_of(workshop_.shots.size() - 1, start, &way));
+      !refusal.empty())
+    out.reason = std::move(refusal);
+  const calib::Calibration found = photos.calibrate();
   if (found.verdict != calib::Verdict::Refused)
     out.error_lenses = worst_error(found.rig, sheet_, judged_eyes(workshop_.start));
   // A photograph that cannot be used is named at once; the owner takes it again.

@@ -5,12 +5,17 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "base/temporary.h"
 #include "lab/phone/sweep_trial.h"
+
+namespace lenticule::tools {
+class HandHeldPhotos;
+}
 
 namespace lenticule::lab {
 
@@ -87,16 +92,21 @@ class WrongWayTrial {
  public:
   /// Stores photographs in a folder of its own inside `parent`. Throws Error(Failed).
   WrongWayTrial(uint64_t seed, const WorkshopLimits& limits, const std::filesystem::path& parent);
+  ~WrongWayTrial();
 
   /// Throws Error(Failed) if a photograph cannot be stored.
   [[nodiscard]] WrongWayResult calibrate(const WrongWay& way);
 
  private:
+  /// Adds all photographs but the last, with a mistake unless `way` is null.
+  [[nodiscard]] tools::HandHeldPhotos begin(const WrongWay* way, std::string& reason);
   [[nodiscard]] std::filesystem::path photograph_of(size_t number, const optics::Rig& shown,
                                                     const WrongWay* way);
 
   Workshop workshop_;
   SheetShape sheet_;
   TemporaryFolder folder_;
+  std::unique_ptr<tools::HandHeldPhotos> right_;  ///< without a mistake, all but the last
+  std::string right_reason_;                      ///< why one of them cannot be used
 };
 }  // namespace lenticule::lab
