@@ -432,7 +432,9 @@ WrongWayResult WrongWayTrial::calibrate(const WrongWay& way) {
         out.error_lenses <= HandTrial::kMostLenses ? HandOutcome::Right : HandOutcome::Wrong;
   else if (found.verdict != calib::Verdict::Refused && out.error_lenses > HandTrial::kMostLenses)
     out.outcome = HandOutcome::Wrong;
-  if (out.reason.empty() && !found.reasons.empty()) out.reason = found.reasons.front();
+  // Beside the reasons, the command says which photograph it set aside, and why.
+  if (out.reason.empty() && !found.reasons.empty())
+    out.reason = found.set_aside.empty() ? found.reasons.front() : found.set_aside[0].reason;
   Taking taken{workshop_.start.panel, workshop_.build, workshop_.phone, workshop_.shots[0], start};
   if (way.before != nullptr) way.before(taken, workshop_);
   if (out.outcome == HandOutcome::Right && taken.panel.layout != start.panel.layout)
