@@ -6,6 +6,7 @@
 
 #include <csignal>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "base/file.h"
 #include "calib/photo/tag_chart.h"
@@ -89,7 +90,10 @@ TEST_F(PhoneCommand, StatesItsProgressAndSetsAPhotographAsideThatSpoilsTheOthers
 TEST_F(PhoneCommand, PacksThePhotographsWithTheCommandThatRepeatsTheCalibration) {
   workshop_.shots.resize(2);
   photograph_all();
-  expect_end(calibrate({"--existing", "--minutes", "0.1", "--pack", path("pack.tar")}), 5);
+  const ProcessResult refused =
+      calibrate({"--existing", "--minutes", "0.1", "--json", "--pack", path("pack.tar")});
+  expect_end(refused, 5);
+  EXPECT_EQ(nlohmann::json::parse(refused.out).at("photographs").at(1).at("name"), "2.jpg");
   ASSERT_EQ(run_process({"/bin/tar", "-xf", path("pack.tar"), "-C", path("")}).exit_code, 0);
   EXPECT_EQ(bytes_of("calibration/01-1.jpg"), bytes_of("inbox/1.jpg"));
   EXPECT_EQ(bytes_of("calibration/02-2.jpg"), bytes_of("inbox/2.jpg"));

@@ -492,13 +492,16 @@ ExitCode run_phone(const PhoneFlags& flags) {
     result.picture = picture_beside(result.output);
     frames::write_woven(check->view(), result.picture);
   }
-  const ExitCode code = conclude_calibration(*found, collection.photos().details(), result);
+  const HandHeldPhotos& photos = collection.photos();
+  const ExitCode code =
+      conclude_calibration(*found, photos.details(), result,
+                           {{"photographs", photos.to_json(*found)}, {"film", photos.film()}});
   if (!flags.pack.empty())
-    write_photo_pack({.sources = collection.photos().files(),
-                      .start = collection.photos().chart().start,
+    write_photo_pack({.sources = photos.files(),
+                      .start = photos.chart().start,
                       .focal_px = flags.focal_px,
                       .distances_mm = {},
-                      .report = calib::report_json(*found, collection.photos().details())},
+                      .report = calib::report_json(*found, photos.details())},
                      flags.pack);
   if (!check) return code;
   panel.show(*check);
