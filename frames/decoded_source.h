@@ -34,7 +34,8 @@ namespace lenticule::frames {
 struct DecodedRounds {
   FrameGeometry geometry;
   std::optional<Rate> rate = std::nullopt;
-  /// The first round is [first, last), every later one [loop, last); neither may be empty.
+  /// The first round is [first, last), every later one [loop, last); neither may be empty. Frames
+  /// that are pulled are counted from `first`, as a jump counts them.
   uint64_t first = 0, loop = 0, last = 0;
   /// Number of frames omitted at the start of the first round; less than last - first.
   uint64_t skipped = 0;
@@ -88,7 +89,7 @@ class DecodedSource : public FrameSource {
     if (!is_ready(next_pull_)) return PullStatus::NotYet;
     if (!resident_) slot.state = SlotState::Acquired;
     out = {.frame = slot.frame.view(),
-           .number = frame_of(next_pull_),
+           .number = frame_of(next_pull_) - rounds_.first,
            .token = static_cast<uint64_t>(&slot - slots_.data())};
     ++next_pull_;
     return PullStatus::Ready;

@@ -404,8 +404,7 @@ class PlayControls final : public ControlTarget {
     const auto item = source_->account_of(static_cast<uint32_t>(displayed.item));
     const auto list = source_->list();
     if (!playback_.paused() || source_->status().opening || !item) return;
-    // An item with `frames` may count its frames from the start of the file, and a jump does not.
-    if (list->has(item->index, item->source) && !list->items[*item->index].frames)
+    if (list->has(item->index, item->source))
       source_->jump({.item = static_cast<int64_t>(*item->index), .frame = displayed.number},
                     [](const Error*) {});
   }

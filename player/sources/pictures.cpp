@@ -104,7 +104,7 @@ std::unique_ptr<FrameSource> open_files(const std::string& text, const PictureOp
   return std::make_unique<frames::ImageSequence>(std::move(files), sequence);
 }
 
-/// Opens a container; frames keep their numbers in the rendered sequence.
+/// Opens a container, whose range has the numbers of the rendered sequence.
 std::unique_ptr<FrameSource> open_container(const std::string& text,
                                             const PictureOptions& options) {
   frames::SequenceSourceOptions sequence{

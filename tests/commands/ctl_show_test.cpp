@@ -71,6 +71,19 @@ TEST_F(CtlShow, AnOverlayIsShownReplacedAndRemovedAlsoWhilePaused) {
   expect_end(ctl({"overlay"}), 2, "nothing to show");
 }
 
+TEST_F(CtlShow, AFrameOfARangeIsShownAgainWithAnOverlay) {
+  write("part.toml", "loop = \"forever\"\n[[item]]\nsource = \"alarm.lts\"\nframes = \"2:5\"\n");
+  ASSERT_TRUE(asked({"load", path("part.toml")}).is_object());
+  ASSERT_TRUE(asked({"pause"}).is_object());
+  ASSERT_TRUE(asked({"seek", "--frame", "1"}).is_object());
+  ASSERT_TRUE(comes_true([this] { return displayed_level() == 103; }));
+  EXPECT_EQ(status()["displayed"]["frame"], 1);
+  ASSERT_TRUE(asked({"overlay", "--text", "x", "--at", "middle"}).is_object());
+  ASSERT_TRUE(comes_true([this] { return displayed_level() == -1; }));
+  ASSERT_TRUE(asked({"overlay", "--off"}).is_object());
+  EXPECT_TRUE(comes_true([this] { return displayed_level() == 103; }));
+}
+
 TEST_F(CtlShow, AnOverlayThatCannotBeDrawnIsReportedOnceAndTheFilmPlays) {
   write("overlaid.toml",
         "loop = 2\n[[overlay]]\npicture = \"gone.png\"\n[[overlay]]\ntext = \"x\"\n"
