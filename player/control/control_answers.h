@@ -162,6 +162,8 @@ inline nlohmann::ordered_json item_json(const PlaylistItem& item) {
   if (list.shuffle) json["shuffle"] = *list.shuffle;
   json["transition"] = kTransitionNames.at(static_cast<size_t>(list.transition));
   json["transition_seconds"] = list.transition_s;
+  if (!list.bed.file.empty()) json["sound"] = list.bed.file;
+  if (list.bed.volume_db != 0.0) json["sound_volume"] = list.bed.volume_db;
   if (!list.overlays.empty()) json["overlay"] = overlays_json(list.overlays);
   json["default"] = list.standby ? item_json(*list.standby) : nlohmann::ordered_json(nullptr);
   json["count"] = list.items.size();

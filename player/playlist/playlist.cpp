@@ -76,14 +76,14 @@ class Reader {
         items(node, list);
       } else {
         fail_at(key.source().begin.line, fmt::format("unknown key '{}'", key.str().substr(0, 64)),
-                "a list has format, loop, shuffle, transition, transition_seconds, [[overlay]], "
-                "[default] and [[item]]");
+                "a list has format, loop, shuffle, transition, transition_seconds, sound, "
+                "sound_volume, [[overlay]], [default] and [[item]]");
       }
     }
     if (list.items.empty()) fail_at(1, "no [[item]]", "an item needs at least source = \"...\"");
     check_transitions(list, root);
-    if (list.standby) share_overlays(list, *list.standby);
-    for (PlaylistItem& item : list.items) share_overlays(list, item);
+    if (list.standby) share_settings(list, *list.standby);
+    for (PlaylistItem& item : list.items) share_settings(list, item);
     return list;
   }
   /// Reads the list of a Looking Glass Studio: an array of {"filename": ...}. Also a
@@ -299,7 +299,7 @@ class Reader {
   [[nodiscard]] double decibels(const toml::node& node) const {
     const auto value = node.is_number() ? node.value<double>() : std::nullopt;
     if (value && *value >= kLeastVolumeDb && *value <= kMostVolumeDb) return *value;
-    fail(node, "volume: not a number of decibels",
+    fail(node, "not a number of decibels",
          fmt::format("write {} to {}; 0 leaves the sound as it is", kLeastVolumeDb, kMostVolumeDb));
   }
   [[nodiscard]] double seconds(const toml::node& node, double most = kMaxSeconds) const {
@@ -326,6 +326,10 @@ class Reader {
       list.transition = transition(node);
     else if (key == "transition_seconds")
       list.transition_s = seconds(node, kMaxTransitionSeconds);
+    else if (key == "sound")
+      list.bed.file = sound(node) == "none" ? "" : sound(node);
+    else if (key == "sound_volume")
+      list.bed.volume_db = decibels(node);
     else if (key == "overlay")
       list.overlays = overlays(node);
     else
@@ -354,7 +358,8 @@ class Reader {
     }
     return overlays;
   }
-  void share_overlays(const Playlist& list, PlaylistItem& item) const {
+  void share_settings(const Playlist& list, PlaylistItem& item) const {
+    item.bed = list.bed;
     item.overlays_of_list = list.overlays.size();
     item.overlays.insert(item.overlays.begin(), list.overlays.begin(), list.overlays.end());
     if (item.overlays.size() > kMaxOverlays)

@@ -75,6 +75,14 @@ struct Schedule {
 enum class TransitionKind { Cut, Fade, Cross };
 inline constexpr std::array<std::string_view, 3> kTransitionNames = {"cut", "fade", "cross"};
 
+/// SoundBed is the sound that goes on under all items of a list.
+struct SoundBed {
+  std::string file{};  ///< empty: none
+  double volume_db = 0.0;
+
+  friend bool operator==(const SoundBed&, const SoundBed&) = default;
+};
+
 struct PlaylistItem {
   /// Not a list; a folder only until FolderLists::with_files().
   SourceSpec source{};
@@ -94,6 +102,7 @@ struct PlaylistItem {
   std::string fit{};                    ///< as --fit; empty: that of the command
   std::string sound{};                  ///< file of the item's sound, "none", or empty: as found
   double volume_db = 0.0;               ///< volume of its sound
+  SoundBed bed{};                       ///< that of the list
   std::vector<OverlaySpec> overlays{};  ///< those of the list first
   size_t overlays_of_list = 0;
   PlayState shown{};  ///< state that a test card shows; unused by other items
@@ -120,7 +129,8 @@ struct Playlist {
   std::optional<uint64_t> shuffle{};  ///< plays each round in another order, which this seed gives
   TransitionKind transition = TransitionKind::Cut;  ///< default of the items
   double transition_s = 0.5;
-  std::vector<OverlaySpec> overlays{};  ///< each item has a copy of these
+  SoundBed bed{};  ///< each item has a copy of it, and of the overlays
+  std::vector<OverlaySpec> overlays{};
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};
   /// Shows black while no item can be played, because its files may come later.

@@ -61,6 +61,16 @@ PaceFigures measure(Transition transition, frames::FrameGeometry panel, frames::
   return SourcePace::compare(needed, Transition::kMostAcquired / taken.count(), panel);
 }
 
+/// Adds the item's sound, or why it is not played.
+void add_sound(ordered_json& row, const PlaylistItem& item, const PlayPlan& plan) try {
+  if (const auto sound = find_sound(item, plan.sound->options()))
+    row["sound"] = {{"file", sound->file},
+                    {"codec", sound->stream.codec},
+                    {"duration_s", sound->stream.duration_s.value_or(0.0)}};
+} catch (const Error& error) {
+  row["problems"].push_back(with_remedy(error));
+}
+
 ordered_json examine(const PlaylistItem& item, const Playlist& list, const PlayPlan& plan) {
   ordered_json row = row_of(item.source.text, {});
   const OverlaySet overlays(item.overlays, plan.context.pictures(), [&row](const Error& error) {
@@ -88,15 +98,13 @@ ordered_json examine(const PlaylistItem& item, const Playlist& list, const PlayP
     }
     try {
       row["figures"] = to_json(SourcePace::measure(*opened.source, rate, kLongest));
-      if (const auto sound = find_sound(item, plan.sound->options()))
-        row["sound"] = {{"file", sound->file},
-                        {"codec", sound->stream.codec},
-                        {"duration_s", sound->stream.duration_s.value_or(0.0)},
-                        {"film_s", static_cast<double>(opened.source->frame_count().value_or(0)) /
-                                       rate.hertz()}};
     } catch (const Error& error) {
       row["problems"].push_back(with_remedy(error));
     }
+    add_sound(row, item, plan);
+    if (row.contains("sound"))
+      row["sound"]["film_s"] =
+          static_cast<double>(opened.source->frame_count().value_or(0)) / rate.hertz();
     const frames::FrameDamage damage = opened.source->damage();
     row.update(to_json(damage));
     if (damage.any()) row["problems"].push_back(damage_text(damage));
@@ -124,7 +132,7 @@ void print_row(const ordered_json& row) {
     print_figures(source, row["figures"]);
   else if (row.contains("live"))
     print_out("{}: {}\n", source, row["live"]["device"].get<std::string>());
-  else if (row["problems"].empty())
+  else if (row["problems"].empty() && !row.contains("sound"))
     print_out("{}: a ring is not checked\n", source);
   if (row.contains("live"))
     for (const auto& offer : row["live"]["offers"])
@@ -148,6 +156,10 @@ ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan) {
   for (const PlaylistItem& item : items) {
     if (interrupted()) return interrupt_exit_code();
     add(examine(item, list, plan));
+  }
+  if (ordered_json row = row_of(list.bed.file, {}); !list.bed.file.empty()) {
+    add_sound(row, {.sound = list.bed.file}, plan);
+    add(row);
   }
   for (const std::string& file : plan.folders->unfinished_files())
     add(row_of(file, "is empty or still being written, and is not played until it is complete"));

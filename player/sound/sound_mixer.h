@@ -8,6 +8,11 @@
 // is resampled (windowed sinc, 32 taps) by 0.02 % per millisecond, at most 0.5 %, so that 200 ppm
 // between the two clocks leave 1 ms. Otherwise, and after a start, a seek, a pause or a change of
 // item, it jumps, with fades of 10 ms. A round of a film joins the next one in the ring.
+//
+// The sound bed of a list has no place in a picture: its samples follow each other as the decoder
+// wrote them, by the device's clock. It is added to the sound of the items, and heard while the
+// displayed item lies on it and has no sound of its own at that time. Otherwise it fades out,
+// stands, and goes on with its next sample.
 #pragma once
 
 #include <algorithm>
@@ -19,6 +24,7 @@
 #include <optional>
 #include <span>
 #include <thread>
+#include <utility>
 
 #include "frames/rational.h"
 #include "frames/sound/sound_ring.h"
@@ -36,6 +42,7 @@ struct ItemSamples {
   uint64_t frames = 0;                ///< pictures of a round; 0: the ring may know its length
   uint64_t first_round = 0;           ///< round in which frame 0 of the ring lies
   double first = 0.0;                 ///< samples of that round before frame 0
+  uint64_t bed = 0;                   ///< number of the bed of these samples; 0: those of an item
   double volume_db = 0.0;
 };
 
@@ -61,7 +68,9 @@ struct SoundCounts {
   Counter offset_us;  ///< smoothed distance between sound and picture
   Counter worst_us;   ///< the largest one, a second or more after a jump
   Counter playing;    ///< 1 while an item's sound is heard
+  Counter bed;        ///< a BedState
 };
+enum BedState : uint64_t { kBedStands, kBedHeard, kBedLate };
 
 /// Thread safety: volume, counts, slots and retire() on any thread, the rest on one.
 class SoundMixer {
@@ -106,6 +115,7 @@ class SoundMixer {
     if (serial_ != 0) play(*due.samples, block);
     for (auto out = block.begin(); tail_at_ < tail_.size() && out != block.end();)
       *out++ += tail_[tail_at_++];
+    play_bed(anchor, due, heard, block);
     std::ranges::transform(block, block.begin(), sample);
     counts_.playing.set(serial_ != 0 ? 1 : 0);
     if (due.due) count(anchor.item, serial_ != 0 && counts_.late.get() == 0, kSoundBlock);
@@ -123,13 +133,27 @@ class SoundMixer {
   /// Returns true if render() would find all samples, or none is due.
   [[nodiscard]] bool is_ready(Nanoseconds heard) noexcept {
     turn_.fetch_add(1);
-    const Place due = place_at(clock_.anchor.read(), heard);
-    const bool ready = due.samples == nullptr || is_there(due.samples->ring, due.at);
+    const SoundAnchor anchor = clock_.anchor.read();
+    const Place due = place_at(anchor, heard);
+    ItemSamples* const bed = present_bed();
+    const bool ready = (due.samples == nullptr || is_there(due.samples->ring, due.at)) &&
+                       (!is_due(bed, anchor, due, heard) || is_there(bed->ring, bed_at_));
     turn_.fetch_add(1);
     return ready;
   }
 
   [[nodiscard]] std::array<SoundSlot, 16>& slots() noexcept { return slots_; }
+  /// Returns the place of a bed's samples.
+  [[nodiscard]] SoundSlot& bed_slot() noexcept { return bed_slot_; }
+  /// Lays an item on the bed of this number; 0: on none.
+  void lay(uint64_t item, uint64_t bed) noexcept {
+    beds_[item % beds_.size()].store(item << 32 | bed);
+  }
+  /// Returns the number of the bed on which an item lies; 0: none.
+  [[nodiscard]] uint64_t bed_of(uint64_t item) const noexcept {
+    const uint64_t laid = beds_[item % beds_.size()].load();
+    return laid >> 32 == item ? laid & 0xffffffff : 0;
+  }
   /// Takes the samples out of a slot; afterwards the mixer does not use them.
   void retire(SoundSlot& slot) noexcept {
     slot.samples.store(nullptr);
@@ -157,6 +181,8 @@ class SoundMixer {
   static constexpr double kSmoothing = kSoundBlock / (0.5 * kSoundRate);
   static constexpr double kMostLocked = 0.0055;  ///< to which a rate is locked to the panel's
   static constexpr double kLongestStall = 0.3;   ///< seconds
+  static constexpr double kLongestLast = 5.0;    ///< seconds of a bed after the last picture
+  static constexpr float kBedFade = kSoundRate / 2.0F;
 
   /// Place is what is due: a frame of an item's ring, with its fraction, and the speed.
   struct Place {
@@ -177,18 +203,18 @@ class SoundMixer {
     if (slot == slots_.end()) return {};
     ItemSamples* const samples = slot->samples.load();
     if (samples == nullptr) return {.due = true};
-    const auto since = [&](uint64_t ns) {
-      return static_cast<double>(heard.count() - static_cast<int64_t>(ns)) * 1e-9;
-    };
     if (!samples->fps)
-      return {.samples = samples, .at = since(anchor.begun_ns) * kSoundRate, .due = true};
+      return {.samples = samples,
+              .at = seconds_since(anchor.begun_ns, heard) * kSoundRate,
+              .due = true};
     if (!follows(anchor, *samples->fps)) return {};
     const double fps = samples->fps->hertz(), speed = speed_of(anchor) / fps;
     const auto round = static_cast<double>(anchor.round - samples->first_round);
     const double length = samples->frames > 0
                               ? static_cast<double>(samples->frames) * kSoundRate / fps
                               : static_cast<double>(samples->ring.round());
-    const double frame = static_cast<double>(anchor.number) + since(anchor.due_ns) * fps * speed;
+    const double frame =
+        static_cast<double>(anchor.number) + seconds_since(anchor.due_ns, heard) * fps * speed;
     const double at = round * length + frame * kSoundRate / fps - samples->first;
     const bool never = anchor.round < samples->first_round || (round > 0.0 && length == 0.0) ||
                        (at >= 0.0 && samples->ring.is_gone(static_cast<uint64_t>(at)));
@@ -196,8 +222,42 @@ class SoundMixer {
     const uint64_t rounds = slot->rounds.load();
     const double left = static_cast<double>(rounds) - static_cast<double>(samples->first_round);
     const bool over = rounds > 0 && length > 0.0 && at + samples->first >= left * length;
-    if (over || never || since(anchor.due_ns) > kLongestStall) return {.due = !over};
+    if (over || never || seconds_since(anchor.due_ns, heard) > kLongestStall) return {.due = !over};
     return {.samples = samples, .at = at, .speed = speed, .due = true};
+  }
+  static double seconds_since(uint64_t ns, Nanoseconds heard) noexcept {
+    return static_cast<double>(heard.count() - static_cast<int64_t>(ns)) * 1e-9;
+  }
+  /// Returns the samples of the bed, or null. Those of another decoder begin.
+  [[nodiscard]] ItemSamples* present_bed() noexcept {
+    ItemSamples* const bed = bed_slot_.samples.load();
+    if (bed != nullptr && std::exchange(bed_serial_, bed->serial) != bed->serial)
+      bed_at_ = bed_level_ = 0.0F;
+    return bed;
+  }
+  [[nodiscard]] bool is_due(const ItemSamples* bed, const SoundAnchor& anchor, const Place& due,
+                            Nanoseconds heard) const noexcept {
+    return bed != nullptr && anchor.due_ns != 0 && anchor.held == 0 && !due.due &&
+           bed_of(anchor.item) == bed->bed &&
+           seconds_since(anchor.due_ns, heard) < kLongestLast + 1.0 / speed_of(anchor);
+  }
+  void play_bed(const SoundAnchor& anchor, const Place& due, Nanoseconds heard,
+                std::span<float> block) noexcept {
+    ItemSamples* const bed = present_bed();
+    if (bed == nullptr) return counts_.bed.set(kBedStands);
+    const bool wanted = is_due(bed, anchor, due, heard), there = is_there(bed->ring, bed_at_);
+    if (wanted && !there && bed_level_ > 0.0F) counts_.underruns.add();
+    const float fade = anchor.held != 0 ? 1.0F * kFade : there ? kBedFade : 1.0F * kSoundBlock;
+    const float step = wanted && there ? 1.0F / kBedFade : -1.0F / fade;
+    const float gain = gain_of(volume_db.load()) * gain_of(bed->volume_db);
+    const float louder = (gain - bed_gain_) / kSoundBlock;
+    for (size_t k = 0; k < block.size(); k += kSoundChannels, ++bed_at_) {
+      bed_level_ = std::clamp(bed_level_ + step, 0.0F, 1.0F);
+      if (bed_level_ == 0.0F) break;
+      read(bed->ring, bed_at_, bed_level_ * (bed_gain_ += louder), &block[k]);
+    }
+    bed_gain_ = gain;
+    counts_.bed.set(bed_level_ > 0.0F ? kBedHeard : wanted && !there ? kBedLate : kBedStands);
   }
   void count(uint64_t item, bool heard, uint64_t samples) noexcept {
     SoundTime& time = time_of(item);
@@ -273,6 +333,8 @@ class SoundMixer {
   const SoundClock& clock_;
   std::array<SoundSlot, 16> slots_;
   std::array<SoundTime, TurnLog::kKept> times_;
+  SoundSlot bed_slot_;
+  std::array<std::atomic<uint64_t>, TurnLog::kKept> beds_{};  ///< item << 32 | bed
   std::atomic<uint64_t> turn_{0};  ///< odd while the mixer may use samples
   SoundCounts counts_;
   std::array<std::array<float, kTaps>, kPhases + 1> filter_{};
@@ -288,6 +350,11 @@ class SoundMixer {
   size_t fade_in_ = 0;  ///< frames until the sound has its full volume
   std::array<float, kFade * kSoundChannels> tail_{};  ///< samples that fade out, from tail_at_ on
   size_t tail_at_ = kFade * kSoundChannels;
+
+  uint64_t bed_serial_ = 0;
+  double bed_at_ = 0.0;     ///< frame of the bed's ring that is heard next
+  float bed_level_ = 0.0F;  ///< 0: it stands; 1: it has its volume
+  float bed_gain_ = 0.0F;
 };
 
 }  // namespace lenticule::player

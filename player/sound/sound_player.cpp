@@ -61,7 +61,7 @@ struct Decoder {
 
 // --- items and their decoders --------------------------------------------------------------------
 
-/// Item keeps the sound of an opened item ready. The player's mutex guards it.
+/// Item keeps the sound of an opened item, or a bed, ready. The player's mutex guards it.
 struct SoundPlayer::Item {
   Item(SoundPlayer& of, const PlaylistItem& wanted, FoundSound sound,
        std::optional<frames::Rate> rate, uint64_t first, const frames::FrameSource& source)
@@ -76,18 +76,33 @@ struct SoundPlayer::Item {
     const auto free = std::ranges::find_if(player.mixer_.slots(), [&](const SoundSlot& one) {
       return std::ranges::none_of(player.items_, [&](Item* other) { return other->slot == &one; });
     });
-    if (player.options_.device != "none" && free != player.mixer_.slots().end()) {
-      slot = &*free;
-      start_decoder(0, first_frame);
-    }
-    player.items_.push_back(this);
+    begin_in(free != player.mixer_.slots().end() ? &*free : nullptr);
+  }
+  /// Makes the bed of a list, which repeats like the sound of a still picture. The caller holds the
+  /// player's mutex.
+  Item(SoundPlayer& of, const Bed& bed, uint64_t number_of_bed)
+      : player(of),
+        item{.volume_db = bed.wanted.volume_db},
+        found(bed.found),
+        first_frame(0),
+        bed_number(number_of_bed) {
+    begin_in(&player.mixer_.bed_slot());
   }
   ~Item() {
     const std::lock_guard lock(player.mutex_);
+    leave();
+  }
+  void begin_in(SoundSlot* place) {
+    if (player.options_.device != "none") slot = place;
+    if (slot != nullptr) start_decoder(0, first_frame);
+    player.items_.push_back(this);
+  }
+  void leave() {
     std::erase(player.items_, this);
     if (slot == nullptr) return;
     slot->item.store(SoundSlot::kNoItem);
     retire_decoder();
+    slot = nullptr;
   }
 
   void begin(uint64_t as_number, uint64_t rounds) {
@@ -115,6 +130,7 @@ struct SoundPlayer::Item {
   const PlaylistItem item;
   const FoundSound found;
   const uint64_t first_frame;
+  const uint64_t bed_number = 0;    ///< 0: the sound of an item
   std::optional<frames::Rate> fps;  ///< none: a still picture
   uint64_t frames = 0;              ///< pictures of a round; 0: not known yet
   std::atomic<uint64_t> number{SoundSlot::kNoItem};
@@ -134,6 +150,7 @@ void SoundPlayer::Item::start_decoder(uint64_t round, uint64_t frame) {
   samples.fps = fps;
   samples.frames = frames;
   samples.first_round = round;
+  samples.bed = bed_number;
   if (fps) samples.first = std::floor(static_cast<double>(frame) * kSoundRate / fps->hertz());
   samples.volume_db = item.volume_db;
   const std::filesystem::path& program = player.options_.program;
@@ -154,6 +171,7 @@ void SoundPlayer::Item::start_decoder(uint64_t round, uint64_t frame) {
   decoder = std::move(made);
   slot->needs_decoder.store(false);
   slot->samples.store(&decoder->samples);
+  player.waits_ = true;
 }
 
 /// Replaces a decoder that has ended, or that cannot give what is due.
@@ -162,7 +180,9 @@ void SoundPlayer::Item::look() {
   const SoundAnchor anchor = player.clock_.anchor.read();
   const bool shown = anchor.item == slot->item.load();
   const SoundCounts& counts = player.mixer_.counts();
-  late_looks = shown && counts.late.get() != 0 && counts.playing.get() != 0 ? late_looks + 1 : 0;
+  const bool late = bed_number != 0 ? counts.bed.get() == kBedLate
+                                    : shown && counts.late.get() != 0 && counts.playing.get() != 0;
+  late_looks = late ? late_looks + 1 : 0;
   if (late_looks > kMostLateLooks) decoder->child.kill();  // it hangs
   if (const std::optional<ChildEnd> end = decoder->child.take_end()) {
     const auto time = SteadyClock::now();
@@ -180,14 +200,41 @@ void SoundPlayer::Item::look() {
   if (!slot->needs_decoder.load()) return;
   if (frames == 0 && shown) frames = anchor.round_frames;
   late_looks = 0;
-  player.waits_ = true;
   start_decoder(shown ? anchor.round : 0, shown ? anchor.number : first_frame);
 }
 
 std::function<void(uint64_t, uint64_t)> SoundPlayer::open(const PlaylistItem& item,
                                                           std::optional<frames::Rate> rate,
                                                           uint64_t first_frame,
-                                                          const frames::FrameSource& source) try {
+                                                          const frames::FrameSource& source) {
+  const std::shared_ptr<Item> own = open_own(item, rate, first_frame, source);
+  const uint64_t bed = find_bed(item.bed);
+  if (!own && bed == 0) return nullptr;
+  return [self = shared_from_this(), own, bed](uint64_t number, uint64_t rounds) {
+    self->mixer_.lay(number, bed);
+    if (own) own->begin(number, rounds);
+  };
+}
+
+/// Returns the number of a list's bed; 0 for none, and for one that cannot be played.
+uint64_t SoundPlayer::find_bed(const SoundBed& wanted) try {
+  if (wanted.file.empty()) return 0;
+  auto found = find_sound({.sound = wanted.file}, options_);
+  const std::lock_guard lock(mutex_);
+  auto known = std::ranges::find(beds_, wanted, &Bed::wanted);
+  if (known == beds_.end()) known = beds_.insert(known, {wanted, std::move(*found)});
+  const uint64_t number = static_cast<uint64_t>(known - beds_.begin()) + 1;
+  if (!bed_) bed_ = std::make_unique<Item>(*this, *known, number);
+  return number;
+} catch (const std::exception& error) {
+  complain(fmt::format("{}; played without the sound of the list", error.what()));
+  return 0;
+}
+
+std::shared_ptr<SoundPlayer::Item> SoundPlayer::open_own(const PlaylistItem& item,
+                                                         std::optional<frames::Rate> rate,
+                                                         uint64_t first_frame,
+                                                         const frames::FrameSource& source) try {
   const auto found = find_sound(item, options_);
   if (!found) return nullptr;
   if (const auto index = number_from<int>(options_.track);
@@ -196,13 +243,11 @@ std::function<void(uint64_t, uint64_t)> SoundPlayer::open(const PlaylistItem& it
     complain(fmt::format("{}: has no sound in '{}'; its first sound is played", found->file,
                          options_.track));
   // A source is closed when its last frame is copied; the sound stays until another is heard.
-  const std::shared_ptr<Item> opened(
-      new Item(*this, item, *found, rate ? rate : item.rate, first_frame, source),
-      [self = shared_from_this()](Item* left) {
-        const std::lock_guard lock(self->mutex_);
-        self->left_.emplace_back(left);
-      });
-  return [opened](uint64_t number, uint64_t rounds) { opened->begin(number, rounds); };
+  return {new Item(*this, item, *found, rate ? rate : item.rate, first_frame, source),
+          [self = shared_from_this()](Item* left) {
+            const std::lock_guard lock(self->mutex_);
+            self->left_.emplace_back(left);
+          }};
 } catch (const std::exception& error) {
   complain(fmt::format("{}; played without sound", error.what()));
   return nullptr;
@@ -220,6 +265,16 @@ void SoundPlayer::look() noexcept {
       over.push_back(std::move(item));
   }
   std::erase(left_, nullptr);
+  const uint64_t bed = mixer_.bed_of(shown);
+  const bool other_bed = bed != 0 && (!bed_ || bed_->bed_number != bed);
+  if (other_bed && mixer_.counts().bed.get() != kBedHeard) try {
+      if (bed_) bed_->leave();
+      over.push_back(std::move(bed_));
+      bed_ = std::make_unique<Item>(*this, beds_[bed - 1], bed);
+    } catch (const std::exception& error) {
+      complain(fmt::format("{}: sound of the list: {}; silent, and the player tries again",
+                           beds_[bed - 1].wanted.file, error.what()));
+    }
   for (Item* const item : items_) try {
       item->look();
       const auto played = static_cast<double>(anchor.numerator) /
@@ -354,6 +409,17 @@ nlohmann::ordered_json SoundPlayer::statistics() const {
                     : item->fps && !SoundMixer::follows(anchor, *item->fps) ? "silent at this speed"
                                                                             : "silent";
   }
+  json["bed"] = nullptr;
+  if (bed_)
+    json["bed"] = {{"source", bed_->found.file},
+                   {"codec", bed_->found.stream.codec},
+                   {"volume_db", bed_->item.volume_db},
+                   {"state", device_name_.empty()                             ? "no output"
+                             : anchor.held != 0                               ? "held"
+                             : counts.bed.get() == kBedHeard                  ? "playing"
+                             : !bed_->decoder || counts.bed.get() == kBedLate ? "silent"
+                             : mixer_.bed_of(anchor.item) == bed_->bed_number ? "ducked"
+                                                                              : "muted"}};
   json.update({{"volume_db", mixer_.volume_db.load()},
                {"offset_ms", ms(counts.offset_us)},
                {"worst_offset_ms", ms(counts.worst_us)},

@@ -66,7 +66,7 @@ class SoundPlayer : public std::enable_shared_from_this<SoundPlayer> {
   void start(const std::string& connector);
   /// Starts a decoder for the sound of an item that begins with `first_frame`; `rate` is that of a
   /// source that states none. Returns what keeps it, to be called with the number that the item's
-  /// frames will have and the rounds to play, 0 for no end; null for an item without sound.
+  /// frames will have and the rounds to play, 0 for no end; null for an item without sound and bed.
   /// Problems are reported, and leave it silent.
   [[nodiscard]] std::function<void(uint64_t number, uint64_t rounds)> open(
       const PlaylistItem& item, std::optional<frames::Rate> rate, uint64_t first_frame,
@@ -84,6 +84,15 @@ class SoundPlayer : public std::enable_shared_from_this<SoundPlayer> {
 
  private:
   struct Item;
+  struct Bed {
+    SoundBed wanted;
+    FoundSound found;
+  };
+  [[nodiscard]] std::shared_ptr<Item> open_own(const PlaylistItem& item,
+                                               std::optional<frames::Rate> rate,
+                                               uint64_t first_frame,
+                                               const frames::FrameSource& source);
+  [[nodiscard]] uint64_t find_bed(const SoundBed& wanted);
   [[nodiscard]] std::unique_ptr<SoundDevice> make_device() const;
   void set_device(std::unique_ptr<SoundDevice> device);
   void complain(const std::string& problem) noexcept;
@@ -106,6 +115,8 @@ class SoundPlayer : public std::enable_shared_from_this<SoundPlayer> {
   uint64_t serials_ = 0;
   uint64_t restarts_ = 0, damaged_ = 0;      ///< counts of decoders that have ended
   std::vector<std::unique_ptr<Item>> left_;  ///< items that were closed, and may be heard
+  std::vector<Bed> beds_;                    ///< number n at n - 1
+  std::unique_ptr<Item> bed_;                ///< the bed that was due last, or the first one
   mutable std::mutex complaints_mutex_;      ///< guards the members below
   std::set<std::string> complaints_;         ///< each is printed once
   std::string problem_;

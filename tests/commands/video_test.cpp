@@ -29,6 +29,7 @@ using nlohmann::json;
 
 constexpr int kWidth = 48;  // size of scenes/rigs/tiny.toml
 constexpr int kHeight = 32;
+constexpr int kHertz = 48'000;
 
 class VideoCommands : public CommandTest {
  protected:
@@ -60,6 +61,15 @@ class VideoCommands : public CommandTest {
   [[nodiscard]] std::vector<std::string> play(const std::string& name) const {
     return {"play",      path(name), "--rig", source_file("scenes/rigs/tiny.toml"),
             "--display", "virtual"};
+  }
+
+  /// Returns the samples of a WAV file, both channels in turn.
+  [[nodiscard]] static std::vector<int16_t> codes_of(const std::string& file) {
+    std::ifstream in(file, std::ios::binary);
+    const std::string wav((std::istreambuf_iterator<char>(in)), {});
+    std::vector<int16_t> codes(wav.size() < 44 ? 0 : (wav.size() - 44) / 2);
+    if (!codes.empty()) std::memcpy(codes.data(), wav.data() + 44, codes.size() * 2);
+    return codes;
   }
 
   /// Returns the decoder that any thread of `player` has started; 0 if there is none.
@@ -175,7 +185,6 @@ TEST_F(VideoCommands, ExitCodesFollowTheContract) {
 
 /// Sound of a list: of a film in two rounds, none, of a quieter item, and of a card.
 TEST_F(VideoCommands, ClicksOfAListAreHeardAtTheirFlashes) {
-  constexpr int kHertz = 48'000;
   make_film("film.mkv", kWidth, kHeight,
             "-f lavfi -i \"aevalsrc='if(lt(mod(n+36000\\,24000)\\,480)\\,0.8\\,0)':s=48000:d=2\" "
             "-c:v ffv1 -pix_fmt bgr0 -c:a flac");
@@ -194,11 +203,8 @@ TEST_F(VideoCommands, ClicksOfAListAreHeardAtTheirFlashes) {
   const json sound = results_of(run(words))["sound"];
   EXPECT_EQ(sound["underruns"], 0);
   EXPECT_EQ(sound["jumps"], 0);
-  std::ifstream in(path("out.wav"), std::ios::binary);
-  const std::string wav((std::istreambuf_iterator<char>(in)), {});
-  ASSERT_GT(wav.size(), 44U + 9 * kHertz * 4);
-  std::vector<int16_t> codes((wav.size() - 44) / 2);
-  std::memcpy(codes.data(), wav.data() + 44, codes.size() * 2);
+  const std::vector<int16_t> codes = codes_of(path("out.wav"));
+  ASSERT_GT(codes.size(), size_t{9 * kHertz * 2});
   std::map<size_t, int> clicks;  // their thousandths of a second, and their loudest code
   for (size_t k = 0; k < codes.size(); k += 2)
     if (codes[k] > 2000) clicks[k / 2 / (kHertz / 4) * 250] |= codes[k];
@@ -210,6 +216,35 @@ TEST_F(VideoCommands, ClicksOfAListAreHeardAtTheirFlashes) {
     return codes[static_cast<size_t>(at * kHertz + 240) * 2];
   };
   EXPECT_NEAR(loudness(6.25), loudness(0.25) / 2, 20) << "half the voltage";
+}
+
+TEST_F(VideoCommands, TheSoundOfAListGoesOnUnderItsItems) {
+  expect_end(run_process({"/bin/sh", "-c",
+                          fmt::format("exec ffmpeg -v error -nostdin -y -f lavfi -i "
+                                      "\"aevalsrc='0.4*t':s=48000:d=1.01\" -sample_fmt s16 {}",
+                                      path("bed.flac"))}),
+             0);
+  write("list.toml",
+        "sound = \"bed.flac\"\nsound_volume = -6.0206\n"
+        "[[item]]\nsource = \"card\"\nduration_s = 2.0\n"
+        "[[item]]\nsource = \"black\"\nduration_s = 2.0\n");
+  std::vector<std::string> words = play("list.toml");
+  const json rows = results_of(run(joined(words, {"--preflight", "--json"})));
+  ASSERT_EQ(rows.size(), 3U);
+  EXPECT_EQ(rows[2]["sound"]["codec"], "flac");
+  words.insert(words.end(), {"--clock", "simulated", "--json"});
+  const json sound =
+      results_of(run(joined(words, {"--sound-device", "file:" + path("out.wav")})))["sound"];
+  EXPECT_EQ(sound["bed"]["source"], path("bed.flac"));
+  EXPECT_EQ(sound["bed"]["volume_db"], -6.0206);
+  const std::vector<int16_t> codes = codes_of(path("out.wav"));
+  ASSERT_GT(codes.size(), size_t{2 * 4 * kHertz - 9000});
+  for (size_t k = kHertz; k < 4 * kHertz - 4500; ++k)
+    ASSERT_NEAR(codes[2 * k], 32767 * 0.2 * static_cast<double>(k % 48'480) / kHertz, 3.0) << k;
+  EXPECT_EQ(results_of(run(joined(words, {"--sound", "none"})))["sound"]["device"], nullptr);
+  write("list.toml", "sound = \"gone.flac\"\n[[item]]\nsource = \"card\"\nduration_s = 1.0\n");
+  expect_end(run(words), 0, "gone.flac");
+  expect_end(run(joined(play("list.toml"), {"--preflight"})), 4, "gone.flac");
 }
 
 TEST_F(VideoCommands, SoundThatIsMissingIsNamed) {

@@ -43,9 +43,11 @@ class PlayList {
     std::string toml = std::string(kHead) + "format = 1\n";
     std::string standby, items;
     for (const auto& [key, value] : list.items()) {
-      if (key == "loop" || key == "transition" || key == "transition_seconds") {
-        const auto write = key == "loop" ? loops : key == "transition" ? quoted : number;
-        toml += key + " = " + write(key, value) + "\n";
+      if (key == "loop" || key == "transition" || key == "transition_seconds" || key == "sound" ||
+          key == "sound_volume") {
+        const bool is_text = key == "transition" || key == "sound";
+        const auto write = key == "loop" ? loops : is_text ? quoted : number;
+        if (!value.is_null()) toml += key + " = " + write(key, value) + "\n";
       } else if (key == "shuffle") {
         if (value != false)
           toml += "shuffle = " + (value == true ? truth(key, value) : number(key, value)) + "\n";
@@ -326,12 +328,12 @@ class PlayList {
         {"shuffle", list.value("shuffle", ordered_json(false))},
         {"transition", list.value("transition", ordered_json("cut"))},
         {"transition_seconds", list.value("transition_seconds", ordered_json(0.5))},
+        {"sound", list.value("sound", ordered_json())},
+        {"sound_volume", list.value("sound_volume", ordered_json(0.0))},
         {"overlay", list.value("overlay", ordered_json::array())},
         {"default", list.value("default", ordered_json())},
         {"items", list["items"]}};
-    result["version"] = version_of({result["loop"], result["shuffle"], result["transition"],
-                                    result["transition_seconds"], result["overlay"],
-                                    result["default"], result["items"]});
+    result["version"] = version_of(result);
     // Without a list, the source that plays becomes the first item of own_file_.
     const std::filesystem::path file =
         result["file"].is_string() ? std::filesystem::path(result["file"].get<std::string>())

@@ -79,7 +79,8 @@ function showSound(sound) {
   if (!sound) return;
   if (!sending) showVolume(sound.volume_db);
   $("sound-state").textContent = `Sound: ${sound.state}` + (sound.device ? `, device ${plain(sound.device)}` : "")
-    + (sound.source ? `, ${baseName(sound.source)}` : "");
+    + (sound.source ? `, ${baseName(sound.source)}` : "")
+    + (sound.bed ? `; under the list: ${sound.bed.state}, ${baseName(sound.bed.source)}` : "");
   $("sound-problem").textContent = sound.problem ? "Last problem of the sound: " + plain(sound.problem) : "";
 }
 
@@ -205,7 +206,8 @@ $("save").onclick = async () => {
   tell("Saving; the player checks the list.");
   const done = await attempt(() => api("PUT", "list",
     { version: saved.version, loop: saved.loop, shuffle: saved.shuffle, transition: $("transition").value,
-      transition_seconds: saved.transition_seconds, overlay: saved.overlay, default: saved.default, items }).catch((error) => {
+      transition_seconds: saved.transition_seconds, sound: saved.sound, sound_volume: saved.sound_volume,
+      overlay: saved.overlay, default: saved.default, items }).catch((error) => {
     if (error.status === 409 && saved.editable) changedBy = "Somebody";
     throw error;
   }));

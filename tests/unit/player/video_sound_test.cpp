@@ -407,6 +407,98 @@ TEST_F(FilmSound, AStillPicturesSoundRepeatsByItself) {
   EXPECT_NEAR(clicks()[1] - clicks()[0], 0.5, 2.0 / kSoundRate);
 }
 
+TEST_F(FilmSound, TheBedOfAListGoesOnUnderItsItemsAndJoinsItself) {
+  // Two seconds whose samples rise, at the ring's rate: every join is seen.
+  ffmpeg("-f lavfi -i \"aevalsrc='0.4*t':s=48000:d=1.01\" -c:a flac -sample_fmt s16 bed.flac");
+  write_film("film.mkv", "-c:a flac");
+  start();
+  PlaylistItem item{.source = parse_source(file("card.png").string())};
+  item.bed = {.file = file("bed.flac").string(), .volume_db = -6.0206};
+  PlaylistItem loud = film("film.mkv");
+  loud.bed = item.bed;
+  const auto first = open(item, 1), second = open(item, 1), third = open(loud);
+  ASSERT_NE(first, nullptr) << "it has no sound of its own, but the bed";
+  first(1, 1);
+  second(2, 1);
+  third(3, 1);
+  show(1, 0, 0, 60);
+  EXPECT_EQ(player->statistics()["state"], "no sound");
+  EXPECT_EQ(player->statistics()["bed"]["state"], "playing");
+  EXPECT_EQ(player->statistics()["bed"]["source"], file("bed.flac").string());
+  EXPECT_EQ(player->statistics()["bed"]["codec"], "flac");
+  show(2, 0, 0, 60);
+  EXPECT_FALSE(player->account_of(2)) << "proof of play has the sound of items";
+  constexpr size_t kRound = 48'480;
+  for (size_t k = 25'000; k < 4 * 48'000 - 2000; ++k)
+    ASSERT_NEAR(heard[k], 0.2F * static_cast<float>(k % kRound) / kSoundRate, 1e-4F) << k;
+  show(3, 0, 0, 45);
+  EXPECT_EQ(player->statistics()["state"], "playing");
+  EXPECT_EQ(player->statistics()["bed"]["state"], "ducked");
+  show(4, 0, 0, 30);
+  EXPECT_EQ(player->statistics()["bed"]["state"], "muted") << "an interruption";
+  anchor.held = 1;
+  show(1, 0, 0, 2);
+  EXPECT_EQ(player->statistics()["bed"]["state"], "held");
+}
+
+TEST_F(FilmSound, ABedThatCannotBeReadIsReportedOnceAndTheFilmIsHeard) {
+  write_film("film.mkv", "-c:a flac");
+  std::ofstream(file("bed.flac")) << "no sound";
+  start();
+  PlaylistItem item = film("film.mkv");
+  item.bed.file = file("bed.flac").string();
+  testing::internal::CaptureStderr();
+  for (uint64_t number = 1; number <= 3; ++number) {
+    const auto sound = open(item);
+    ASSERT_NE(sound, nullptr);
+    sound(number, 1);
+    show(number, 0, 0, 60);
+  }
+  EXPECT_EQ(clicks().size(), 3U);
+  const std::string said = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(said.find("bed.flac"), said.rfind("bed.flac")) << said;
+  EXPECT_THAT(said, testing::HasSubstr("played without the sound of the list"));
+  EXPECT_EQ(player->statistics()["bed"], nullptr);
+}
+
+TEST_F(FilmSound, TheBedOfAnotherListReplacesTheOneBefore) {
+  ffmpeg("-f lavfi -i \"aevalsrc=0.1:s=48000:d=3\" a.wav");
+  ffmpeg("-f lavfi -i \"aevalsrc=-0.2:s=48000:d=3\" b.wav");
+  start();
+  PlaylistItem item{.source = parse_source(file("card.png").string())};
+  item.bed.file = file("a.wav").string();
+  const auto first = open(item, 1);
+  item.bed.file = file("b.wav").string();
+  const auto second = open(item, 1);
+  first(1, 1);
+  second(2, 1);
+  show(1, 0, 0, 45);
+  EXPECT_NEAR(heard.back(), 0.1F, 0.001F);
+  show(2, 0, 0, 60);
+  EXPECT_NEAR(heard.back(), -0.2F, 0.001F);
+  EXPECT_LE(std::ranges::max(heard), 0.101F);
+}
+
+TEST_F(FilmSound, ADecoderOfABedThatIsKilledIsReplaced) {
+  ffmpeg("-f lavfi -i \"aevalsrc=0.1:s=48000:d=3\" bed.wav");
+  start();
+  PlaylistItem item{.source = parse_source(file("card.png").string())};
+  item.bed.file = file("bed.wav").string();
+  const auto sound = open(item, 1);
+  sound(1, kForever);
+  show(1, 0, 0, 30);
+  const pid_t decoder = decoder_of_this_test();
+  ASSERT_GT(decoder, 1);
+  ASSERT_EQ(::kill(decoder, SIGKILL), 0);
+  ASSERT_TRUE(test::comes_true([&] {
+    player->look();
+    return player->statistics()["decoder_restarts"] == 1;
+  }));
+  show(1, 0, 30, 90);
+  EXPECT_NEAR(heard.back(), 0.1F, 0.001F);
+  EXPECT_EQ(player->statistics()["bed"]["state"], "playing");
+}
+
 TEST(Language, IsFoundByEachOfItsCodes) {
   EXPECT_TRUE(is_language("ger", "de"));
   EXPECT_TRUE(is_language("deu", "de"));

@@ -52,6 +52,17 @@ TEST(WebListToml, OverlaysAreKept) {
             "overlay = [{text = \"Room \\\"2\\\"\", from_s = 5}, {clock = \"%H:%M\"}]\n");
 }
 
+TEST(WebListToml, TheSoundOfTheListIsKept) {
+  EXPECT_EQ(PlayList::list_toml({{"sound", "/m/music.flac"},
+                                 {"sound_volume", -9.5},
+                                 {"items", {{{"source", "/m/a.lts"}}}}}),
+            "# Written by lenticule-web.\nformat = 1\n"
+            "sound = \"/m/music.flac\"\nsound_volume = -9.5\n\n"
+            "[[item]]\nsource = \"/m/a.lts\"\n");
+  EXPECT_EQ(PlayList::list_toml({{"sound", nullptr}, {"items", {{{"source", "/m/a.lts"}}}}}),
+            "# Written by lenticule-web.\nformat = 1\n\n[[item]]\nsource = \"/m/a.lts\"\n");
+}
+
 TEST(WebListToml, ATextCannotAddKeys) {
   const std::string toml = PlayList::list_toml(
       {{"items", {{{"source", "a\"\nloops = \"forever\"\n[[item]]\nsource = \"\\"}}}}});
@@ -63,21 +74,27 @@ TEST(WebListToml, ATextCannotAddKeys) {
 }
 
 TEST(WebListToml, UnknownKeysAndWrongTypesAreRefused) {
-  for (const char* wrong :
-       {"[]", "{}", R"({"items": []})", R"({"items": [1]})", R"({"items": [{}]})",
-        R"({"items": [{"source": 1}]})", R"({"items": [{"source": "a", "rig": "b"}]})",
-        R"({"items": [{"source": "a", "loops": [1]}]})",
-        R"({"rig": 1, "items": [{"source": "a"}]})",
-        R"({"items": [{"source": "a", "schedule": {"days": "mon"}}]})",
-        R"({"items": [{"source": "a", "invert": "yes"}]})",
-        R"({"shuffle": "yes", "items": [{"source": "a"}]})",
-        R"({"transition": 1, "items": [{"source": "a"}]})",
-        R"({"items": [{"source": "a", "transition_seconds": "1"}]})",
-        R"({"items": [{"source": "a", "schedule": {"x": "y"}}]})",
-        R"({"overlay": {"text": "a"}, "items": [{"source": "a"}]})",
-        R"({"overlay": [{"text": [1]}], "items": [{"source": "a"}]})",
-        R"({"overlay": [{"t = 1, u": "a"}], "items": [{"source": "a"}]})",
-        R"({"items": [{"source": "a", "overlay": ["a"]}]})"})
+  for (const char* wrong : {"[]",
+                            "{}",
+                            R"({"items": []})",
+                            R"({"items": [1]})",
+                            R"({"items": [{}]})",
+                            R"({"items": [{"source": 1}]})",
+                            R"({"items": [{"source": "a", "rig": "b"}]})",
+                            R"({"items": [{"source": "a", "loops": [1]}]})",
+                            R"({"rig": 1, "items": [{"source": "a"}]})",
+                            R"({"items": [{"source": "a", "schedule": {"days": "mon"}}]})",
+                            R"({"items": [{"source": "a", "invert": "yes"}]})",
+                            R"({"shuffle": "yes", "items": [{"source": "a"}]})",
+                            R"({"transition": 1, "items": [{"source": "a"}]})",
+                            R"({"sound": 1, "items": [{"source": "a"}]})",
+                            R"({"sound_volume": "1", "items": [{"source": "a"}]})",
+                            R"({"items": [{"source": "a", "transition_seconds": "1"}]})",
+                            R"({"items": [{"source": "a", "schedule": {"x": "y"}}]})",
+                            R"({"overlay": {"text": "a"}, "items": [{"source": "a"}]})",
+                            R"({"overlay": [{"text": [1]}], "items": [{"source": "a"}]})",
+                            R"({"overlay": [{"t = 1, u": "a"}], "items": [{"source": "a"}]})",
+                            R"({"items": [{"source": "a", "overlay": ["a"]}]})"})
     EXPECT_THROW((void)PlayList::list_toml(ordered_json::parse(wrong)), HttpError) << wrong;
   ordered_json many = {{"items", ordered_json::array()}};
   for (int k = 0; k < 1001; ++k) many["items"].push_back({{"source", "a"}});

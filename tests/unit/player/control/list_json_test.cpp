@@ -15,6 +15,8 @@ TEST(ListJson, HasTheKeysOfTheFile) {
 loop = "forever"
 shuffle = 5
 transition = "fade"
+sound = "music.flac"
+sound_volume = -9.5
 [[overlay]]
 picture = "logo.png"
 [default]
@@ -77,6 +79,9 @@ except = ["2026-12-24"]
   EXPECT_EQ(json["items"][2]["weight"], 3);
   EXPECT_EQ(json["items"][2]["sound"], "/films/clip.opus");
   EXPECT_EQ(json["items"][2]["volume"], -6.0);
+  EXPECT_EQ(json["sound"], "/films/music.flac");
+  EXPECT_EQ(json["sound_volume"], -9.5);
+  EXPECT_FALSE(json["items"][0].contains("sound"));
   EXPECT_EQ(json["overlay"],
             ordered_json::parse(R"([{"picture":"/films/logo.png","at":"bottom right"}])"));
   EXPECT_FALSE(json["items"][0].contains("overlay")) << "it has that of the list";

@@ -171,6 +171,16 @@ transition = "cut"
   EXPECT_FALSE(parse("[[item]]\nsource = \"/a.lts\"\n").has_transitions());
 }
 
+TEST(PlaylistFile, TheSoundOfTheListIsUnderAllItemsAndItsDefault) {
+  const std::string items = "[default]\nsource = \"card\"\n[[item]]\nsource = \"/a.lts\"\n";
+  const Playlist list = parse("sound = \"bed.flac\"\nsound_volume = -12\n" + items);
+  EXPECT_EQ(list.bed, (SoundBed{"/films/bed.flac", -12.0}));
+  EXPECT_EQ(list.items[0].bed, list.bed);
+  EXPECT_EQ(list.standby->bed, list.bed);
+  EXPECT_EQ(list.items[0].sound, "") << "that of the item itself";
+  EXPECT_EQ(parse("sound = \"none\"\n" + items).items[0].bed, SoundBed{});
+}
+
 TEST(PlaylistFile, AnItemHasTheOverlaysOfTheListAndItsOwn) {
   const Playlist list = parse(R"(
 [[overlay]]
@@ -322,6 +332,12 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
               testing::HasSubstr(":3: transition_seconds: /films/a.png follows by a cut"));
   EXPECT_THAT(complaint(item + "transition_seconds = 0\n"),
               testing::HasSubstr(":3: transition_seconds: not a number of seconds"));
+  EXPECT_THAT(complaint("sound = 3\n" + item),
+              testing::StartsWith("list.toml:1: sound: not a string"));
+  EXPECT_THAT(complaint("sound = \"\"\n" + item),
+              testing::StartsWith("list.toml:1: sound: not a valid name"));
+  EXPECT_THAT(complaint("loop = 2\nsound_volume = 13\n" + item),
+              testing::StartsWith("list.toml:2: sound_volume: not a number of decibels"));
   EXPECT_EQ(complaint(item + "overlay = \"logo.png\"\n"),
             "list.toml:3: overlay: not an array of tables");
   EXPECT_THAT(complaint("[[overlay]]\ntext = \"a\"\nfrom_s = -1\n" + item),

@@ -121,6 +121,27 @@ class Sound : public testing::Test {
     slot.item.store(item);
     mixer.time_of(item).item.store(item);
   }
+  static constexpr uint64_t kBed = 100;  ///< number among `items`
+  /// Puts a bed under these items, of which every sample is different.
+  void add_bed(const std::vector<uint64_t>& laid) {
+    ItemSamples& made = items[kBed];
+    made.serial = ++serials;
+    made.bed = 1;
+    film = [](uint64_t item, uint64_t place) {
+      return item == kBed ? 0.1F + static_cast<float>(place % 9973) / 20'000.0F
+                          : click(item, place);
+    };
+    mixer.bed_slot().samples.store(&made);
+    for (const uint64_t item : laid) mixer.lay(item, 1);
+  }
+  [[nodiscard]] float bed_sample(uint64_t place) const { return film(kBed, place); }
+  /// Returns the largest sample that is heard in a part of the recording, in seconds of the film.
+  [[nodiscard]] float loudest(double from_s, double to_s) const {
+    const auto at = [&](double s) {
+      return heard.begin() + std::lround((s + panel->begin - heard_from) * kSoundRate);
+    };
+    return *std::max_element(at(from_s), at(to_s));
+  }
   /// Returns the seconds in which the sound of item 0 was heard, and in which it was missing.
   [[nodiscard]] double heard_s() { return static_cast<double>(mixer.time_of(0).heard) / 48'000; }
   [[nodiscard]] double silent_s() { return static_cast<double>(mixer.time_of(0).silent) / 48'000; }
@@ -413,6 +434,92 @@ TEST_F(Sound, VolumeIsInTheGainOfItemAndPlayer) {
   FlashSource source;
   EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
   EXPECT_NEAR(heard[40'000], 0.2F, 1e-5F);
+}
+
+TEST_F(Sound, ABedGoesOnOverAChangeOfItemsWithoutASampleLostOrChanged) {
+  add_bed({1, 2, 3});
+  FlashSource source;
+  source.items = {1, 2, 3};
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_NEAR(heard[12'000], 0.5F * bed_sample(12'000), 0.001F) << "it fades in";
+  size_t wrong = 0;
+  for (size_t k = 24'256; k + 2000 < 3 * 120 * 800; ++k) wrong += heard[k] != bed_sample(k) ? 1 : 0;
+  EXPECT_EQ(wrong, 0U);
+  EXPECT_EQ(allocated, 0);
+  EXPECT_EQ(heard_s() + silent_s(), 0.0) << "it is not the sound of an item";
+}
+
+TEST_F(Sound, ABedFadesOutUnderAnItemWithSoundAndGoesOnAfterIt) {
+  add_sound(2, 120);
+  add_bed({1, 2, 3});
+  FlashSource source;
+  source.items = {1, 2, 3};
+  uint64_t ducked = 0;
+  hook->before_vblank = [&](uint64_t sequence) {
+    if (sequence == 200) ducked = mixer.counts().bed.get();
+  };
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_EQ(ducked, kBedStands);
+  EXPECT_GT(loudest(1.0, 2.0), 0.4F);
+  EXPECT_EQ(mixer.counts().bed.get(), kBedHeard);
+  // The clicks of item 2 are those of a list without bed, once the bed has faded out.
+  for (size_t k = 2 * 48'000 + 26'000; k < 4 * 48'000 - 2000; ++k)
+    ASSERT_EQ(heard[k], click(2, k - 2 * 48'000)) << k;
+  // The bed goes on with the sample after the last one that was heard.
+  const size_t last = 6 * 48'000 - 4000;
+  size_t stood = 0;
+  for (size_t shift = 70'000; shift < 74'000 && stood == 0; ++shift)
+    if (heard[last] == bed_sample(last - shift) && heard[last + 1] == bed_sample(last + 1 - shift))
+      stood = shift;
+  EXPECT_NEAR(static_cast<double>(stood), 2 * 48'000 - 24'000, 1000.0);
+}
+
+TEST_F(Sound, ABedIsSilentInAPauseUnderAnotherListAndAfterTheLastPicture) {
+  add_bed({1, 3});
+  FlashSource source;
+  source.items = {1, 2, 3};  // item 2 is an interruption
+  hook->before_vblank = [this](uint64_t sequence) {
+    if (sequence == 90) control.pause(true);
+    if (sequence == 150) control.pause(false);  // the film goes on a second later
+  };
+  source.is_late = [this](uint64_t pulled) {
+    return pulled >= 350 && clock->now() < milliseconds(18'000);
+  };
+  options.stall_timeout.reset();
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_GT(loudest(1.0, 1.4), 0.4F);
+  EXPECT_EQ(loudest(1.6, 2.4), 0.0F) << "pause";
+  EXPECT_GT(loudest(2.8, 2.9), 0.3F);
+  EXPECT_EQ(loudest(3.6, 4.9), 0.0F) << "interruption";
+  EXPECT_GT(loudest(8.0, 10.0), 0.4F) << "a picture that stays for some seconds";
+  EXPECT_EQ(loudest(14.0, 17.0), 0.0F) << "no picture comes";
+}
+
+TEST_F(Sound, ABedThatIsLateIsSilenceAndTheFilmGoesOn) {
+  add_bed({0});
+  FlashSource source;
+  source.frames = 600;
+  decodes = [this] {
+    return clock->now() < milliseconds(2000) || clock->now() > milliseconds(6000);
+  };
+  uint64_t late = 0;
+  hook->before_vblank = [&](uint64_t sequence) {
+    if (sequence == 300) late = mixer.counts().bed.get();
+  };
+  const PlayResult result = play_film(source);
+  EXPECT_EQ(result.report.pace.shown, 600U);
+  EXPECT_EQ(late, kBedLate);
+  EXPECT_EQ(mixer.counts().underruns.get(), 1U);
+  EXPECT_GT(loudest(8.0, 9.0), 0.4F);
+}
+
+TEST_F(Sound, TheVolumeOfABedIsAddedToThePlayers) {
+  add_bed({0});
+  items[kBed].volume_db = -6.0206;
+  mixer.volume_db = -6.0206;
+  FlashSource source;
+  EXPECT_EQ(play_film(source).outcome, PlayOutcome::Finished);
+  EXPECT_NEAR(heard[40'000], 0.25F * bed_sample(40'000), 1e-5F);
 }
 
 TEST_F(Sound, SamplesOfADecoderThatLiesStaySamples) {
