@@ -18,6 +18,8 @@
 #include "base/numbers.h"
 #include "base/print.h"
 #include "base/text.h"
+#include "frames/image_io.h"
+#include "frames/sequence/sequence_reader.h"
 #include "player/sources/video_child.h"
 
 namespace lenticule::player {
@@ -51,6 +53,21 @@ std::string file_beside(const SourceSpec& source) {
   return {};
 }
 
+/// Returns the picture of the film with which an item begins. A range has the numbers of the files,
+/// or of the rendering, and time 0 of the sound is the first picture.
+uint64_t begin_of(const PlaylistItem& item) try {
+  if (!item.frames) return 0;
+  const SourceSpec& source = item.source;
+  uint64_t first = 0;
+  if (source.kind == SourceKind::Sequence)
+    first = frames::SequenceReader(source.text).info().first_frame;
+  if (source.kind == SourceKind::Pictures)
+    first = frames::FilePattern(source.text).existing_or_throw().front();
+  return item.frames->begin - std::min(first, item.frames->begin);
+} catch (const Error&) {
+  return item.frames->begin;  // the panels of a wall have files of their own
+}
+
 /// A decoder with the memory that it writes. The process ends before the memory is given back.
 struct Decoder {
   ItemSamples samples;
@@ -80,12 +97,8 @@ struct SoundPlayer::Item {
   }
   /// Makes the bed of a list, which repeats like the sound of a still picture. The caller holds the
   /// player's mutex.
-  Item(SoundPlayer& of, const Bed& bed, uint64_t number_of_bed)
-      : player(of),
-        item{.volume_db = bed.wanted.volume_db},
-        found(bed.found),
-        first_frame(0),
-        bed_number(number_of_bed) {
+  Item(SoundPlayer& of, const Bed& bed, uint64_t nth)
+      : player(of), item{.volume_db = bed.wanted.volume_db}, found(bed.found), bed_number(nth) {
     begin_in(&player.mixer_.bed_slot());
   }
   ~Item() {
@@ -129,7 +142,7 @@ struct SoundPlayer::Item {
   SoundPlayer& player;
   const PlaylistItem item;
   const FoundSound found;
-  const uint64_t first_frame;
+  const uint64_t first_frame = 0;
   const uint64_t bed_number = 0;    ///< 0: the sound of an item
   std::optional<frames::Rate> fps;  ///< none: a still picture
   uint64_t frames = 0;              ///< pictures of a round; 0: not known yet
@@ -154,16 +167,15 @@ void SoundPlayer::Item::start_decoder(uint64_t round, uint64_t frame) {
   if (fps) samples.first = std::floor(static_cast<double>(frame) * kSoundRate / fps->hertz());
   samples.volume_db = item.volume_db;
   const std::filesystem::path& program = player.options_.program;
-  std::vector<std::string> arguments = {
-      (program.empty() ? find_video_program() : program).string(),
-      kForThisVersion,
-      "sound",
-      fmt::format("--parent={}", getpid()),
-      fmt::format("--ring-fd={}", kRingThere),
-      fmt::format("--stream={}", found.stream.index),
-      fmt::format("--frames={}", frames),
-      fmt::format("--begin={}", item.frames ? item.frames->begin : 0),
-      fmt::format("--from={}", frame)};
+  std::vector<std::string> arguments = {(program.empty() ? find_video_program() : program).string(),
+                                        kForThisVersion,
+                                        "sound",
+                                        fmt::format("--parent={}", getpid()),
+                                        fmt::format("--ring-fd={}", kRingThere),
+                                        fmt::format("--stream={}", found.stream.index),
+                                        fmt::format("--frames={}", frames),
+                                        fmt::format("--begin={}", begin_of(item)),
+                                        fmt::format("--from={}", frame)};
   if (fps) arguments.push_back("--fps=" + frames::to_string(*fps));
   arguments.insert(arguments.end(), {"--", found.file});
   made->child.start(std::move(arguments), {.here = samples.ring.fd(), .there = kRingThere});

@@ -294,10 +294,6 @@ class PlayList {
     }
   }
 
-  /// Returns a name for the present content, which changes with it.
-  static std::string version_of(const ordered_json& list) {
-    return fmt::format("{:016x}", std::hash<std::string>()(json_text(list)));
-  }
   /// Returns the whole list of the player, which sends a long one in parts.
   [[nodiscard]] nlohmann::ordered_json ask_list() {
     ordered_json whole;
@@ -333,7 +329,8 @@ class PlayList {
         {"overlay", list.value("overlay", ordered_json::array())},
         {"default", list.value("default", ordered_json())},
         {"items", list["items"]}};
-    result["version"] = version_of(result);
+    // A name that changes with the content.
+    result["version"] = fmt::format("{:016x}", std::hash<std::string>()(json_text(result)));
     // Without a list, the source that plays becomes the first item of own_file_.
     const std::filesystem::path file =
         result["file"].is_string() ? std::filesystem::path(result["file"].get<std::string>())

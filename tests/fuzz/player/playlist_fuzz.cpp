@@ -17,6 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     LENTICULE_CHECK(!list.items.empty() && list.items.size() <= kMaxPlaylistItems);
     for (const PlaylistItem& item : list.items) {
       LENTICULE_CHECK(!item.source.text.empty() && item.overlays.size() <= kMaxOverlays);
+      LENTICULE_CHECK(item.bed == list.bed && list.bed.volume_db <= kMostVolumeDb);
       for (const OverlaySpec& overlay : item.overlays)
         LENTICULE_CHECK(parse_overlay(overlays_json({&overlay, 1}).front()) == overlay);
     }

@@ -255,6 +255,22 @@ TEST_F(FilmSound, AFileBesideNumberedPicturesIsTheirSound) {
   EXPECT_EQ(open(film("other_%05d.png")), nullptr);
 }
 
+TEST_F(FilmSound, APartOfNumberedPicturesHasItsPartOfTheSound) {
+  write_film("both.mkv", "-c:a flac");
+  ffmpeg("-i both.mkv -vn film.wav");
+  for (int number = 1001; number <= 1060; ++number)
+    std::ofstream(file(fmt::format("film_{:05}.png", number)));
+  start();
+  PlaylistItem item = film("film_%05d.png");
+  item.frames = FrameRange{1016, 1046};  // from the sixteenth picture on
+  const auto sound = open(item, 30);
+  ASSERT_NE(sound, nullptr);
+  sound(0, 1);
+  show(0, 0, 0, 30);
+  ASSERT_EQ(clicks().size(), 1U);
+  EXPECT_NEAR(clicks()[0], 0.5, 0.001);
+}
+
 TEST_F(FilmSound, BeginsInTheMiddleAfterASeek) {
   write_film("film.mkv", "-c:a flac");
   start();
