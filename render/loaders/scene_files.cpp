@@ -44,45 +44,30 @@ std::optional<std::filesystem::path> path_of_any_case(const std::filesystem::pat
   return path;
 }
 
-class FilesOfThisProcess final : public SceneFiles {
- public:
-  std::filesystem::path find(const std::filesystem::path& folder,
-                             const std::string& name) const override {
-    if (is_there(folder / name)) return folder / name;
-    std::string slashes = name;
-    std::replace(slashes.begin(), slashes.end(), '\\', '/');
-    const std::filesystem::path plain = folder / slashes;
-    if (is_there(plain)) return plain;
-    const std::filesystem::path decoded = percent_decoded(slashes);
-    if (is_there(folder / decoded)) return folder / decoded;
-    if (const auto path = path_of_any_case(folder, slashes)) return *path;
-    if (decoded.has_parent_path())
-      if (const auto path = path_of_any_case(folder, decoded.filename())) return *path;
-    return plain;
-  }
-  std::vector<uint8_t> read(const std::filesystem::path& file) const override {
-    return read_whole_file(file, kMaxSceneFileBytes);
-  }
-};
-
 std::atomic<const SceneFiles*> chosen_files{nullptr};
-
-const SceneFiles& files() {
-  static const FilesOfThisProcess of_this_process;
-  const SceneFiles* const chosen = chosen_files.load();
-  return chosen != nullptr ? *chosen : of_this_process;
-}
 
 }  // namespace
 
 void use_scene_files(const SceneFiles* files) noexcept { chosen_files.store(files); }
 
 std::vector<uint8_t> read_scene_file(const std::filesystem::path& file) {
-  return files().read(file);
+  if (const SceneFiles* const files = chosen_files.load()) return files->read(file);
+  return read_whole_file(file, kMaxSceneFileBytes);
 }
 
 std::filesystem::path named_file(const std::filesystem::path& folder, const std::string& name) {
-  return files().find(folder, name);
+  if (const SceneFiles* const files = chosen_files.load()) return files->find(folder, name);
+  if (is_there(folder / name)) return folder / name;
+  std::string slashes = name;
+  std::replace(slashes.begin(), slashes.end(), '\\', '/');
+  const std::filesystem::path plain = folder / slashes;
+  if (is_there(plain)) return plain;
+  const std::filesystem::path decoded = percent_decoded(slashes);
+  if (is_there(folder / decoded)) return folder / decoded;
+  if (const auto path = path_of_any_case(folder, slashes)) return *path;
+  if (decoded.has_parent_path())
+    if (const auto path = path_of_any_case(folder, decoded.filename())) return *path;
+  return plain;
 }
 
 }  // namespace lenticule::render
