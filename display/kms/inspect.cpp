@@ -86,7 +86,7 @@ bool is_requested(OutputRequest request, ConnectorInfo connector, const std::str
   connector.tile.reset();
   ConnectorList list;
   list.connectors.push_back({card, connector});
-  return connector.connected && choose_output(request, list).chosen.has_value();
+  return connector.connected && !choose_output(request, list).tiles.empty();
 }
 
 /// PanelConnectors holds the connectors of a panel: one, or its tiles.
@@ -109,10 +109,8 @@ PanelConnectors take_panel(std::vector<ConnectorInfo>& connectors, ConnectorInfo
   OutputRequest any_of_these;
   any_of_these.card = card;
   const OutputChoice choice = choose_output(any_of_these, list);
-  if (!choice.chosen) return {.connectors = {std::move(first)}, .refusal = choice.refusal};
-  PanelConnectors panel;
-  for (const size_t tile : choice.tiles) panel.connectors.push_back(list.connectors[tile].info);
-  return panel;
+  if (choice.tiles.empty()) return {.connectors = {std::move(first)}, .refusal = choice.refusal};
+  return {.connectors = choice.connectors_in(list)};
 }
 
 PixelSize own_size(const ConnectorInfo& connector) {
@@ -228,8 +226,8 @@ PanelSearch search_panel(const KmsOptions& options, const KmsDisplay* active) {
   const OutputChoice choice = choose_output(options.output, list);
 
   PanelSearch search{
-      .found = choice.chosen.has_value(), .refusal = choice.refusal, .may_come = choice.may_come};
-  if (choice.chosen)
+      .found = !choice.tiles.empty(), .refusal = choice.refusal, .may_come = choice.may_come};
+  if (search.found)
     if (auto missing = missing_mode(list, choice, options.output)) {
       search.found = false;
       search.refusal = *missing;

@@ -224,6 +224,8 @@ inline std::string_view section_of(std::string_view text, uint32_t crtc) {
   return text.substr(begin, end == std::string_view::npos ? end : end - begin);
 }
 
+/// Returns a row for each file that could be read and parsed. `card` is the path of the card's
+/// node, /dev/dri/cardN.
 inline std::vector<AuditRow> read_files(KmsPlatform& platform, const std::string& card,
                                         const Pipe& pipe, std::span<const LinkFile> files) {
   std::vector<AuditRow> rows;
@@ -256,14 +258,6 @@ inline LinkFile depth_file(ScanoutDepth depth) {
                  "8 in the rig"
                : "use a mode that the link carries with 8 bits per colour",
           true};
-}
-
-/// Returns a row for each sysfs file that could be read and parsed. `card` is the path of the
-/// card's node, /dev/dri/cardN.
-[[nodiscard]] inline std::vector<AuditRow> read_sysfs_rows(KmsPlatform& platform,
-                                                           const std::string& card,
-                                                           const Pipe& pipe) {
-  return read_files(platform, card, pipe, kSysfs);
 }
 
 /// Returns a row for each debugfs file that could be read and parsed. The driver takes locks to

@@ -68,15 +68,20 @@ struct OpenCard {
 };
 
 struct OutputChoice {
-  std::optional<size_t> chosen{};  ///< index in ConnectorList::connectors
-  /// All connectors of the chosen panel, in rows from its top left, or of a wall's panels in the
-  /// order of the request; `chosen` is the first.
+  /// Indices, in ConnectorList::connectors, of all connectors of the chosen panel, in rows from its
+  /// top left, or of a wall's panels in the order of the request. Empty if none was chosen.
   std::vector<size_t> tiles{};
   /// If none was chosen: the error, and whether waiting for a panel may help.
   Error refusal{ErrorKind::Device, ""};
   bool may_come = false;
   /// Connectors with a panel of any identity on the requested output.
   std::vector<size_t> present{};
+
+  [[nodiscard]] std::vector<ConnectorInfo> connectors_in(const ConnectorList& list) const {
+    std::vector<ConnectorInfo> chosen;
+    for (const size_t tile : tiles) chosen.push_back(list.connectors[tile].info);
+    return chosen;
+  }
 };
 
 // --- mode -----------------------------------------------------------------------------------
@@ -460,26 +465,25 @@ class Chooser {
     OutputChoice wall;
     for (const OutputPart& part : request_.parts) {
       OutputChoice one = Chooser(request_for(part), list_).choose();
-      if (!one.chosen) {
+      if (one.tiles.empty()) {
         const bool ambiguous = part.connector.empty() && !one.may_come;
         return refuse_part(part, one.refusal.kind(), one.refusal.what(),
                            ambiguous ? kNameItsOutput : one.refusal.hint(), one.may_come);
       }
-      if (at(*one.chosen).tiled)
+      const size_t chosen = one.tiles.front();
+      if (at(chosen).tiled)
         return refuse_part(part, ErrorKind::Device, "kms: a panel with several connectors",
                            "play it with a player of its own", false);
-      if (std::ranges::find(wall.tiles, *one.chosen) != wall.tiles.end())
-        return refuse_part(
-            part, ErrorKind::Device,
-            fmt::format("kms: {} is another panel of the wall", at(*one.chosen).name),
-            kNameItsOutput, false);
-      wall.tiles.push_back(*one.chosen);
-      if (list_.connectors[*one.chosen].card != list_.connectors[wall.tiles.front()].card)
+      if (std::ranges::find(wall.tiles, chosen) != wall.tiles.end())
+        return refuse_part(part, ErrorKind::Device,
+                           fmt::format("kms: {} is another panel of the wall", at(chosen).name),
+                           kNameItsOutput, false);
+      wall.tiles.push_back(chosen);
+      if (list_.connectors[chosen].card != list_.connectors[wall.tiles.front()].card)
         return refuse_part(part, ErrorKind::Device, "kms: is on another graphics card",
                            "connect all panels to one card, or use a player in step for each card",
                            true);
     }
-    wall.chosen = wall.tiles.front();
     return wall;
   }
 
@@ -506,7 +510,7 @@ class Chooser {
       return refuse(ErrorKind::Device, "more than one panel fits",
                     "choose one: --display kms:CONNECTOR", false);
     const ConnectorInfo& first = at(indices.front());
-    if (!first.tiled) return {.chosen = tiles.front(), .tiles = tiles};
+    if (!first.tiled) return {.tiles = tiles};
     if (!first.tile)
       return refuse(ErrorKind::Device, "the panel's tiles are not known",
                     "set the panel to single-stream transport in its menu", false);
@@ -515,7 +519,7 @@ class Chooser {
                     fmt::format("the panel has {} connectors, and {} of them can be used",
                                 first.tile->count(), tiles.size()),
                     "connect all of its cables to one graphics card", true);
-    return {.chosen = tiles.front(), .tiles = tiles};
+    return {.tiles = tiles};
   }
 
   /// Returns the connected tiles of the panel at connector `i`, on the same card, in rows from the

@@ -201,11 +201,8 @@ inline std::vector<ConnectorInfo> connectors_of_panel(int fd, const KmsOptions& 
       if (other.id != first->id && belongs(other))
         list.connectors.push_back({state.card.data(), std::move(other)});
   const OutputChoice choice = choose_output(options.output, list);
-  if (choice.chosen != 0U) return {};
-  std::vector<ConnectorInfo> connectors;
-  for (const size_t tile : choice.tiles)
-    connectors.push_back(std::move(list.connectors[tile].info));
-  return connectors;
+  if (choice.tiles.empty() || choice.tiles.front() != 0) return {};
+  return choice.connectors_in(list);
 }
 
 /// Returns the buffer that the kernel's plane shows; null if none of these.
@@ -292,12 +289,9 @@ inline std::pair<DrmDevice, std::vector<ConnectorInfo>> find_panel(
     const KmsOptions& options, std::optional<DrmDevice>& previous) {
   ConnectorList list = list_connectors(options.session, previous);
   const OutputChoice choice = choose_output(options.output, list);
-  if (!choice.chosen) throw Error(choice.refusal);
-  std::vector<ConnectorInfo> connectors;
-  for (const size_t tile : choice.tiles)
-    connectors.push_back(std::move(list.connectors[tile].info));
-  const size_t device = *list.connectors[*choice.chosen].device;
-  return {std::move(list.devices[device]), std::move(connectors)};
+  if (choice.tiles.empty()) throw Error(choice.refusal);
+  const size_t device = *list.connectors[choice.tiles.front()].device;
+  return {std::move(list.devices[device]), choice.connectors_in(list)};
 }
 
 inline void require_master(const DrmDevice& device) {

@@ -234,7 +234,7 @@ class OutputPipe {
     const Pipe pipe = pipe_;
     std::vector<AuditRow> debugfs_rows = debugfs_rows_;
     reading.unlock();
-    std::vector<AuditRow> further = read_sysfs_rows(*platform_, device_.path(), pipe);
+    std::vector<AuditRow> further = read_files(*platform_, device_.path(), pipe, kSysfs);
     if (depth == AuditDepth::Everything) {
       debugfs_rows = read_debugfs_rows(*platform_, device_.path(), pipe);
       const std::lock_guard lock(mutex_);
