@@ -37,30 +37,22 @@ using ProblemOf =
 class PlayList {
  public:
   /// Returns the text of a playlist file with the keys of `list`: loop, default, items. Throws
-  /// HttpError 422 for a key or a value that a list does not have; the player checks the rest.
+  /// HttpError 422 for a key that a list does not have; the player checks the values.
   [[nodiscard]] static std::string list_toml(const nlohmann::ordered_json& list) {
     if (!list.is_object()) refuse("not an object with items");
     std::string toml = std::string(kHead) + "format = 1\n";
     std::string standby, items;
     for (const auto& [key, value] : list.items()) {
-      if (key == "loop" || key == "transition" || key == "transition_seconds" || key == "sound" ||
-          key == "sound_volume") {
-        const bool is_text = key == "transition" || key == "sound";
-        const auto write = key == "loop" ? loops : is_text ? quoted : number;
-        if (!value.is_null()) toml += key + " = " + write(key, value) + "\n";
-      } else if (key == "shuffle") {
-        if (value != false)
-          toml += "shuffle = " + (value == true ? truth(key, value) : number(key, value)) + "\n";
-      } else if (key == "overlay") {
-        if (!value.empty()) toml += "overlay = " + overlays(key, value) + "\n";
-      } else if (key == "default") {
+      if (key == "default") {
         if (!value.is_null()) standby = "\n[default]\n" + item_toml(value);
       } else if (key == "items") {
         if (!value.is_array() || value.empty() || value.size() > kMaxItems)
           refuse("items: not a list of 1 to 1000 items");
         for (const ordered_json& item : value) items += "\n[[item]]\n" + item_toml(item);
       } else {
-        refuse(fmt::format("unknown key '{}'", shortened(escaped(key), 60)));
+        toml += line_of(key, value,
+                        {"loop", "shuffle", "transition", "transition_seconds", "sound",
+                         "sound_volume", "overlay"});
       }
     }
     if (items.empty()) refuse("items: missing");
@@ -107,10 +99,8 @@ class PlayList {
   }
   /// Returns the kept versions, newest first: {"versions": [{"name", "time", "who", "items"}]}.
   [[nodiscard]] nlohmann::ordered_json versions() const {
-    std::vector<std::filesystem::path> kept;
-    for (const auto& entry : std::filesystem::directory_iterator(versions_))
-      if (entry.path().extension() == ".toml") kept.push_back(entry.path());
-    std::sort(kept.rbegin(), kept.rend());  // names of the same length but for the oldest
+    std::vector<std::filesystem::path> kept = kept_versions();
+    std::ranges::reverse(kept);
     ordered_json result = {{"versions", ordered_json::array()}};
     for (const std::filesystem::path& file : kept) {
       const std::string text = read_text_file(file, 2 * kMaxListBytes);
@@ -158,7 +148,7 @@ class PlayList {
   using seconds = std::chrono::seconds;
   static constexpr size_t kMaxItems = 1000;
   static constexpr size_t kMaxTextBytes = 4096;
-
+  static constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz_";  ///< of keys
   static constexpr size_t kMaxListBytes = size_t{1} << 20;
   static constexpr size_t kKeptVersions = 20;
   static constexpr std::string_view kHead = "# Written by lenticule-web.\n";
@@ -183,81 +173,41 @@ class PlayList {
     return toml;
   }
 
-  static std::string number(const std::string& key, const ordered_json& value) {
-    if (!value.is_number()) refuse(key + ": not a number");
-    return value.dump();
+  /// Returns any value in one line. The levels bound the depth of lists and tables.
+  static std::string toml_of(const std::string& key, const ordered_json& value, int levels = 3) {
+    if (value.is_number() || value.is_boolean()) return value.dump();
+    if (!value.is_structured()) return quoted(key, value);
+    if (levels == 0 || value.size() > kMaxItems) refuse(key + ": too long a value");
+    std::string toml;
+    for (const auto& [name, part] : value.items()) {
+      if (!toml.empty()) toml += ", ";
+      if (name.find_first_not_of(value.is_array() ? "0123456789" : kLetters) != std::string::npos)
+        refuse(fmt::format("{}: unknown key '{}'", key, shortened(escaped(name), 60)));
+      toml += (value.is_array() ? "" : name + " = ") + toml_of(key, part, levels - 1);
+    }
+    return value.is_array() ? "[" + toml + "]" : "{" + toml + "}";
   }
 
-  static std::string loops(const std::string& key, const ordered_json& value) {
-    return value == "forever" ? "\"forever\"" : number(key, value);
-  }
-
-  static std::string truth(const std::string& key, const ordered_json& value) {
-    if (!value.is_boolean()) refuse(key + ": neither true nor false");
-    return value.dump();
-  }
-  static std::string texts(const std::string& key, const ordered_json& value) {
-    if (!value.is_array() || value.size() > kMaxItems) refuse(key + ": not a list of texts");
-    std::string toml = "[";
-    for (const ordered_json& text : value)
-      toml += (toml.size() > 1 ? ", " : "") + quoted(key, text);
-    return toml + "]";
-  }
-  static std::string overlays(const std::string& key, const ordered_json& value) {
-    if (!value.is_array() || value.size() > kMaxItems) refuse(key + ": not a list of overlays");
-    std::string toml = "[";
-    for (const ordered_json& overlay : value) {
-      if (!overlay.is_object()) refuse(key + ": not a list of objects");
-      toml += toml.size() > 1 ? ", {" : "{";
-      for (const auto& [name, part] : overlay.items()) {
-        if (name.find_first_not_of("abcdefghijklmnopqrstuvwxyz_") != std::string::npos)
-          refuse(fmt::format("{}: unknown key '{}'", key, shortened(escaped(name), 60)));
-        toml += (toml.back() == '{' ? "" : ", ") + name + " = " +
-                (part.is_string() ? quoted(name, part) : number(name, part));
-      }
-      toml += "}";
-    }
-    return toml + "]";
-  }
-  static std::string schedule_toml(const ordered_json& schedule) {
-    if (!schedule.is_object()) refuse("schedule: not an object");
-    std::string toml = "[item.schedule]\n";
-    for (const auto& [key, value] : schedule.items()) {
-      if (key == "days" || key == "dates" || key == "except")
-        toml += key + " = " + texts(key, value) + "\n";
-      else if (key == "from" || key == "to")
-        toml += key + " = " + quoted(key, value) + "\n";
-      else
-        refuse(fmt::format("schedule: unknown key '{}'", shortened(escaped(key), 60)));
-    }
-    return toml;
+  /// Returns the line of a key; empty for a value that states nothing.
+  static std::string line_of(const std::string& key, const ordered_json& value,
+                             const std::set<std::string_view>& known) {
+    if (!known.contains(key)) refuse(fmt::format("unknown key '{}'", shortened(escaped(key), 60)));
+    const bool empty = value.is_null() || (value.is_structured() && value.empty());
+    return empty ? "" : key + " = " + toml_of(key, value) + "\n";
   }
 
   static std::string item_toml(const ordered_json& item) {
-    if (!item.is_object() || !item.contains("source")) refuse("item: no source");
-    static const std::set<std::string> kTexts = {
-        "source", "fps",         "frames",         "cut",        "fit",      "grid",  "stereo",
-        "depth",  "depth_range", "depth_distance", "zero_plane", "from_rig", "sound", "transition"};
-    static const std::set<std::string> kNumbers = {
-        "duration_s", "wait_s",       "weight", "views",
-        "aspect",     "depth_budget", "volume", "transition_seconds"};
-    static const std::set<std::string> kTruths = {"invert", "invert_depth", "reweave"};
-    std::string toml, schedule;
-    for (const auto& [key, value] : item.items()) {
-      const auto write = kTexts.contains(key)     ? quoted
-                         : kNumbers.contains(key) ? number
-                         : kTruths.contains(key)  ? truth
-                         : key == "loops"         ? loops
-                         : key == "overlay"       ? overlays
-                                                  : nullptr;
-      if (write != nullptr)
-        toml += key + " = " + write(key, value) + "\n";
-      else if (key == "schedule")
-        schedule = schedule_toml(value);
-      else
-        refuse(fmt::format("item: unknown key '{}'", shortened(escaped(key), 60)));
-    }
-    return toml + schedule;
+    static const std::set<std::string_view> kKeys = {
+        "source",       "fps",      "frames",  "cut",          "fit",
+        "grid",         "stereo",   "depth",   "depth_range",  "depth_distance",
+        "zero_plane",   "from_rig", "sound",   "transition",   "transition_seconds",
+        "duration_s",   "wait_s",   "weight",  "views",        "aspect",
+        "depth_budget", "volume",   "invert",  "invert_depth", "reweave",
+        "loops",        "overlay",  "schedule"};
+    if (text_in(item, "source").empty()) refuse("item: no source");
+    std::string toml;
+    for (const auto& [key, value] : item.items()) toml += line_of(key, value, kKeys);
+    return toml;
   }
 
   /// Returns the sources of the list's items and the pictures of its overlays.
@@ -423,14 +373,18 @@ class PlayList {
                       "the list stays as it was");
     return problems;
   }
+  /// Returns the files of the kept versions: the original, then the oldest first.
+  [[nodiscard]] std::vector<std::filesystem::path> kept_versions() const {
+    std::vector<std::filesystem::path> kept = entries_of(versions_);
+    std::erase_if(kept, [](const auto& file) { return file.extension() != ".toml"; });
+    return kept;
+  }
   /// Keeps a list that the server did not write last: the original, or one that was changed by
   /// hand.
   void keep_other(const std::string& toml) {
-    std::filesystem::path newest;
-    for (const auto& entry : std::filesystem::directory_iterator(versions_))
-      newest = std::max(newest, entry.path());
+    const std::vector<std::filesystem::path> kept = kept_versions();
     const auto content = [](const std::string& text) { return text.substr(text.find('\n') + 1); };
-    if (!newest.empty() && content(read_text_file(newest, 2 * kMaxListBytes)) == toml) return;
+    if (!kept.empty() && content(read_text_file(kept.back(), 2 * kMaxListBytes)) == toml) return;
     if (std::filesystem::exists(versions_ / kOriginal)) return keep(toml, "by hand");
     write_text_file(versions_ / kOriginal,
                     fmt::format("# {} by hand\n", std::time(nullptr)) + toml);
@@ -441,10 +395,8 @@ class PlayList {
                          .count();
     const std::string head = fmt::format("# {} {}\n", now / 1000, escaped(who));
     write_text_file(versions_ / fmt::format("{}.toml", now), head + toml);
-    std::vector<std::filesystem::path> kept;
-    for (const auto& entry : std::filesystem::directory_iterator(versions_))
-      if (entry.path().filename() != kOriginal) kept.push_back(entry.path());
-    std::sort(kept.begin(), kept.end());
+    std::vector<std::filesystem::path> kept = kept_versions();
+    std::erase(kept, versions_ / kOriginal);
     for (size_t k = 0; k + kKeptVersions < kept.size(); ++k) {
       std::error_code ignored;
       std::filesystem::remove(kept[k], ignored);
