@@ -50,7 +50,7 @@ inline UniqueFd lock_folder(const std::filesystem::path& path) {
   throw Error(ErrorKind::Device, path.string() + ": another program holds the lock of its folder");
 }
 
-/// Removes the socket file of a player that has exited. Throws if anything else has that name.
+/// Removes the socket file of a program that has exited. Throws if anything else has that name.
 inline void clear_the_way(const std::filesystem::path& path, const UnixAddress& address) {
   struct stat status;
   if (::lstat(path.c_str(), &status) != 0) {
@@ -63,9 +63,9 @@ inline void clear_the_way(const std::filesystem::path& path, const UnixAddress& 
   const UniqueFd probe(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!probe) fail(path, "cannot create a socket");
   if (::connect(probe.get(), address.get(), address.bytes) == 0 || errno != ECONNREFUSED)
-    throw Error(ErrorKind::Device, path.string() + ": already in use by another player",
-                "stop that player, or use another socket");
-  if (::unlink(path.c_str()) != 0) fail(path, "cannot replace the socket of a dead player");
+    throw Error(ErrorKind::Device, path.string() + ": already in use by another program",
+                "stop that program, or use another socket");
+  if (::unlink(path.c_str()) != 0) fail(path, "cannot replace the socket of a dead program");
 }
 
 /// Returns another name in the same folder, of the same length, so that it is a valid address, too.

@@ -49,6 +49,7 @@
 #include "base/text.h"
 #include "base/unique_fd.h"
 #include "base/unix_address.h"
+#include "frames/ring/listen_socket.h"
 
 namespace lenticule::web {
 
@@ -65,6 +66,8 @@ struct ListenAddress {
   uint16_t port = 0;
 };
 
+inline constexpr const char* kListenRemedy =
+    "use a numeric address and a port: 127.0.0.1:8420 or [::1]:8420";
 inline constexpr int kBacklog = 256;
 inline constexpr int kFirstPassed = 3;  // SD_LISTEN_FDS_START
 
@@ -84,11 +87,6 @@ struct SocketAddress {
   }
 };
 
-[[noreturn]] inline void fail(ErrorKind kind, const std::string& name, const std::string& cause,
-                              const std::string& remedy = {}) {
-  throw Error(kind, name + ": " + cause, remedy);
-}
-
 inline SocketAddress numeric_address(const ListenAddress& address) {
   SocketAddress made;
   if (auto* const v4 = reinterpret_cast<sockaddr_in*>(&made.storage);
@@ -105,8 +103,7 @@ inline SocketAddress numeric_address(const ListenAddress& address) {
     made.bytes = sizeof *v6;
     return made;
   }
-  fail(ErrorKind::Usage, "--listen", fmt::format("'{}' is not an address", address.host),
-       "use a numeric address and a port: 127.0.0.1:8420 or [::1]:8420");
+  throw usage_error("--listen: '{}' is not an address", address.host).remedy(kListenRemedy);
 }
 
 inline bool is_loopback(const SocketAddress& address) {
@@ -119,7 +116,7 @@ inline SocketAddress bound_address(int fd) {
   SocketAddress address;
   address.bytes = sizeof address.storage;
   if (::getsockname(fd, address.get(), &address.bytes) != 0)
-    fail(ErrorKind::Failed, "listen", std::strerror(errno));
+    throw failed_error("listen: {}", std::strerror(errno));
   return address;
 }
 
@@ -148,23 +145,10 @@ inline std::string name_of(const SocketAddress& address) {
 
 inline void require_lan(const std::string& name, bool is_local, bool lan) {
   if (is_local || lan) return;
-  fail(ErrorKind::Usage, "--listen", fmt::format("other machines can connect to {}", name),
-       "add --lan to permit this. Every machine of the network can then reach the pages, and "
-       "without a reverse proxy with HTTPS the network can read the tokens");
-}
-
-/// Removes the socket of a server that has exited.
-inline void remove_dead_socket(const std::filesystem::path& path, const UnixAddress& address) {
-  struct stat status {};
-  if (::lstat(path.c_str(), &status) != 0) return;
-  if (!S_ISSOCK(status.st_mode))
-    fail(ErrorKind::Usage, path.string(), "exists and is not a socket");
-  const UniqueFd probe(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  if (!probe) fail(ErrorKind::Failed, path.string(), std::strerror(errno));
-  if (::connect(probe.get(), address.get(), address.bytes) == 0 || errno != ECONNREFUSED)
-    fail(ErrorKind::Device, path.string(), "another server listens there",
-         "stop that server, or use another socket");
-  (void)::unlink(path.c_str());
+  throw usage_error("--listen: other machines can connect to {}", name)
+      .remedy(
+          "add --lan to permit this. Every machine of the network can then reach the pages, and "
+          "without a reverse proxy with HTTPS the network can read the tokens");
 }
 
 inline bool is_any(const SocketAddress& address) {
@@ -208,8 +192,7 @@ inline bool is_plain(const sockaddr& address) {
                         ? std::nullopt
                         : number_from<uint16_t>(std::string_view(text).substr(colon + 1));
   if (host.empty() || !port)
-    fail(ErrorKind::Usage, "--listen", fmt::format("'{}' is not an address with a port", text),
-         "use a numeric address and a port: 127.0.0.1:8420 or [::1]:8420");
+    throw usage_error("--listen: '{}' is not an address with a port", text).remedy(kListenRemedy);
   ListenAddress address{.host = host, .port = *port};
   (void)numeric_address(address);
   return address;
@@ -224,12 +207,12 @@ inline bool is_plain(const sockaddr& address) {
   UniqueFd fd(::socket(wanted.family(), SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int yes = 1;
   if (!fd || ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0)
-    fail(ErrorKind::Failed, name, std::strerror(errno));
+    throw failed_error("{}: {}", name, std::strerror(errno));
   if (wanted.family() == AF_INET6)
     (void)::setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &yes, sizeof yes);
   if (::bind(fd.get(), wanted.get(), wanted.bytes) != 0 || ::listen(fd.get(), kBacklog) != 0)
-    fail(ErrorKind::Device, name, fmt::format("cannot listen: {}", std::strerror(errno)),
-         "choose another address: --listen ADDRESS:PORT");
+    throw device_error("{}: cannot listen: {}", name, std::strerror(errno))
+        .remedy("choose another address: --listen ADDRESS:PORT");
   const SocketAddress bound = bound_address(fd.get());
   return {.fd = std::move(fd), .name = name_of(bound), .is_local = is_loopback(bound)};
 }
@@ -237,12 +220,12 @@ inline bool is_plain(const sockaddr& address) {
 /// Listens on a Unix socket with mode 0660; replaces the socket of a server that has exited.
 [[nodiscard]] inline Listener listen_unix(const std::filesystem::path& path) {
   const UnixAddress address = unix_address(path);
-  remove_dead_socket(path, address);
+  frames::clear_the_way(path, address);
   UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   // The mode is set before the first connection is possible.
   if (!fd || ::fchmod(fd.get(), 0660) != 0 || ::bind(fd.get(), address.get(), address.bytes) != 0 ||
       ::chmod(path.c_str(), 0660) != 0 || ::listen(fd.get(), kBacklog) != 0)
-    fail(ErrorKind::Failed, path.string(), fmt::format("cannot listen: {}", std::strerror(errno)));
+    throw failed_error("{}: cannot listen: {}", path.string(), std::strerror(errno));
   return {.fd = std::move(fd), .name = path.string(), .is_unix = true, .is_local = true};
 }
 
@@ -578,8 +561,7 @@ class Server {
     std::string_view list = *header;
     std::string_view last;
     while (!list.empty()) last = take_until(list, ',');
-    while (last.starts_with(' ')) last.remove_prefix(1);
-    return std::string(last.substr(0, 45));
+    return std::string(without_blanks(last).substr(0, 45));
   }
 
   /// Returns true if a page of another site cannot have sent the request: browsers state the origin
