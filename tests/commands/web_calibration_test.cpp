@@ -98,7 +98,7 @@ class PhoneCalibration : public WebTest {
     return state;
   }
   [[nodiscard]] ordered_json player_answer(const ordered_json& request) const {
-    web::LinkConnection connection(path("c.sock"), std::chrono::seconds(5));
+    JsonLineSocket connection(path("c.sock"), std::chrono::seconds(5), web::kLinkOptions);
     connection.send(request);
     return connection.receive(kPlayerTimeout).value_or(ordered_json::object());
   }

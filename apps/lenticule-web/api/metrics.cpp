@@ -46,12 +46,6 @@ void add(std::string& text, const char* type, const std::string& name, const std
   text += fmt::format("lenticule_{}{} {}\n", name, labels, value);
 }
 
-std::string plain(double value) {
-  return value == static_cast<double>(static_cast<int64_t>(value))
-             ? fmt::format("{}", static_cast<int64_t>(value))
-             : fmt::format("{}", value);
-}
-
 /// Returns text as the value of a label.
 std::string label(const std::string& text) {
   std::string value;
@@ -155,7 +149,7 @@ std::string metrics_text(const PlayerState& player) {
   }
   for (const Counter& counter : kCounters)
     if (const auto value = number_at(statistics, counter.key))
-      add(text, "counter", counter.name, counter.help, plain(*value));
+      add(text, "counter", counter.name, counter.help, fmt::format("{}", *value));
   for (const auto& [key, name] : {std::pair("submit_to_flip_us", "submit_to_flip"),
                                   {"wake_latency_us", "wake_latency"},
                                   {"copy_us", "copy"}}) {
@@ -168,11 +162,11 @@ std::string metrics_text(const PlayerState& player) {
     }
   }
   if (const auto bytes = number_at(member(statistics, "resident_bytes"), "total"))
-    add(text, "gauge", "resident_bytes", "Memory of the player.", plain(*bytes));
+    add(text, "gauge", "resident_bytes", "Memory of the player.", fmt::format("{}", *bytes));
   std::string help = "Temperature that the kernel reports.";
   for (const ordered_json& sensor : machine_json()["temperatures"])
     add(text, "gauge", "machine_celsius", std::exchange(help, {}),
-        plain(sensor["celsius"].get<double>()),
+        fmt::format("{}", sensor["celsius"].get<double>()),
         fmt::format("{{sensor=\"{}\"}}", label(sensor["name"].get<std::string>())));
   return text;
 }

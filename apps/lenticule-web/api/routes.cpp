@@ -18,6 +18,7 @@
 #include "apps/lenticule-web/api/web_site.h"
 #include "apps/lenticule-web/http/page_files.h"
 #include "apps/lenticule-web/http/parse.h"
+#include "base/json_output.h"
 #include "base/numbers.h"
 #include "base/text.h"
 
@@ -79,7 +80,6 @@ Response get_description(const Call&) {
 /// Returns the player's state, the rights of the sender and the values of the machine.
 ordered_json state_json(const Call& call) {
   ordered_json state = call.site.player().state();
-  state["shown_instead"] = shown_instead(state["status"]);
   state["rights"] = rights_name(call.request.sender.rights);
   state["name"] = call.request.sender.name;
   state["machine"] = machine_json();
@@ -202,20 +202,17 @@ Response get_optics(const Call& call) {
   const double width = rig.panel.pixel_width.value * rig.panel.width_px;
   const double height = rig.panel.pixel_height.value * rig.panel.height_px;
   const double distance = rig.viewing.distance.value;
-  const auto finite = [](double value) {
-    return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
-  };
   return json_response({{"name", rig.name},
                         {"width_px", rig.panel.width_px},
                         {"height_px", rig.panel.height_px},
                         {"width_mm", width},
                         {"height_mm", height},
-                        {"viewing_distance_mm", finite(distance)},
+                        {"viewing_distance_mm", finite_or_null(distance)},
                         {"viewing_height_mm", rig.viewing.height.value},
-                        {"lobe_width_mm", finite(model.lobe_width_mm(distance))},
+                        {"lobe_width_mm", finite_or_null(model.lobe_width_mm(distance))},
                         {"views_per_lens", rig.sheet.pitch.value},
                         {"spot_sigma_lenses", rig.sheet.spot_sigma.value},
-                        {"depth_of_field_mm", finite(model.depth_of_field_mm())}});
+                        {"depth_of_field_mm", finite_or_null(model.depth_of_field_mm())}});
 }
 
 // --- the list and the files of the media folder -------------------------------------------

@@ -118,22 +118,19 @@ inline bool is_hexadecimal(std::string_view text, size_t digits) {
 }
 
 inline Token token_of(const nlohmann::json& entry, const std::filesystem::path& file) {
-  if (!entry.is_object()) refuse(file, "not a list of tokens");
-  const auto text = [&](const char* key) {
-    const auto found = entry.find(key);
-    if (found == entry.end() || !found->is_string())
-      refuse(file, fmt::format("a token has no {}", key));
-    return found->get<std::string>();
-  };
-  Token token{.id = text("id"),
-              .name = text("name"),
-              .rights = rights_named(text("rights")).value_or(Rights::None),
-              .secret = text("token"),
-              .made = text("made")};
-  if (!is_hexadecimal(token.id, kIdDigits) || !is_hexadecimal(token.secret, kSecretDigits) ||
-      token.rights == Rights::None)
-    refuse(file, "a token is not valid");
-  return token;
+  const auto text = [&](const char* key) { return entry.at(key).get<std::string>(); };
+  try {
+    Token token{.id = text("id"),
+                .name = text("name"),
+                .rights = rights_named(text("rights")).value_or(Rights::None),
+                .secret = text("token"),
+                .made = text("made")};
+    if (is_hexadecimal(token.id, kIdDigits) && is_hexadecimal(token.secret, kSecretDigits) &&
+        token.rights != Rights::None)
+      return token;
+  } catch (const nlohmann::json::exception&) {  // no such key, or no text
+  }
+  refuse(file, "a token is not valid");
 }
 
 /// Reads the tokens; none if the file does not exist. Throws Error(Input) for a file that is not

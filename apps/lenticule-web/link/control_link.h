@@ -19,17 +19,9 @@ namespace lenticule::web {
 
 inline constexpr const char* kRemedy = "start the player, or wait for it";
 
-/// LinkConnection is one connection to a player. Throws as JsonLineSocket does. Thread safety: one
-/// thread.
-class LinkConnection : public JsonLineSocket {
- public:
-  LinkConnection(const std::string& socket, std::chrono::milliseconds timeout)
-      : JsonLineSocket(socket, timeout,
-                       {.most_bytes = kMaxAnswer, .no_player = kRemedy, .gone = kRemedy}) {}
-
- private:
-  static constexpr size_t kMaxAnswer = 1u << 20;
-};
+/// Options of a connection to a player.
+inline const JsonLineSocket::Options kLinkOptions{
+    .most_bytes = 1u << 20, .no_player = kRemedy, .gone = kRemedy};
 
 /// Each request has a connection of its own, so that a player that was restarted is found again.
 ///
@@ -55,7 +47,7 @@ class ControlLink {
       std::counting_semaphore<4>& slots;
       ~Slot() { slots.release(); }
     } const slot{slots_};
-    LinkConnection connection(socket_, timeout);
+    JsonLineSocket connection(socket_, timeout, kLinkOptions);
     request["id"] = 1;
     connection.send(request);
     const auto left =

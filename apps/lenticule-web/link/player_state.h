@@ -89,7 +89,7 @@ class PlayerState {
     thread_.join();
   }
 
-  /// Returns {"connected", "status", "problem"}.
+  /// Returns {"connected", "status", "problem", "shown_instead"}.
   [[nodiscard]] nlohmann::ordered_json state() const {
     const std::lock_guard lock(mutex_);
     return locked_state();
@@ -106,9 +106,7 @@ class PlayerState {
   /// Returns the player's reports of faults since the start, newest first, at most 50.
   [[nodiscard]] nlohmann::ordered_json faults() const {
     const std::lock_guard lock(mutex_);
-    ordered_json list = ordered_json::array();
-    for (const ordered_json& fault : faults_) list.push_back(fault);
-    return list;
+    return ordered_json(faults_);
   }
 
   /// Returns the number of the newest message.
@@ -188,7 +186,10 @@ class PlayerState {
   }
 
   [[nodiscard]] nlohmann::ordered_json locked_state() const {
-    return {{"connected", connected_}, {"status", status_}, {"problem", problem_}};
+    return {{"connected", connected_},
+            {"status", status_},
+            {"problem", problem_},
+            {"shown_instead", shown_instead(status_)}};
   }
   void follow() noexcept {
     while (!stopped()) {
@@ -203,7 +204,7 @@ class PlayerState {
   }
   /// Listens to one player until it ends; throws then.
   void follow_player() {
-    LinkConnection connection(link_.socket(), seconds(2));
+    JsonLineSocket connection(link_.socket(), seconds(2), kLinkOptions);
     connection.send({{"id", 0}, {"do", "subscribe"}});
     Clock::Time status_at{};
     Clock::Time statistics_at{};
