@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page Calibrate: chart, photographs, verdict, and nothing saved before "Keep it".
-import { $, api, attempt, clock, follow, make, request, tell } from "/page.js";
+import { $, api, attempt, clock, follow, loadPicture, make, put, tell } from "/page.js";
 
 const FULL_SCALE = 0.05;  // lenses: the colours at both ends
 const USUAL_PLACES = 4;  // shown from the start
@@ -109,14 +109,6 @@ function drawResidual(field) {
   canvas.getContext("2d").putImageData(picture, 0, 0);
 }
 
-async function showPicture(name) {
-  const answer = await request(`/api/v1/calibration/${name}.jpg`);
-  if (!answer.ok) throw new Error((await answer.json()).error.cause);
-  const old = $(name).src;
-  $(name).src = URL.createObjectURL(await answer.blob());
-  if (old.startsWith("blob:")) URL.revokeObjectURL(old);
-}
-
 function sentences(result) {
   const list = (texts) => make("ul", {}, ...texts.map((one) => make("li", {}, one)));
   const parts = [], single = result.photographs === 1;
@@ -182,8 +174,7 @@ function hidePictures() {
 
 /** Shows before and after, below which the rig can be kept. */
 async function compare() {
-  await showPicture("before");
-  await showPicture("after");
+  for (const name of ["before", "after"]) await loadPicture($(name), `/api/v1/calibration/${name}.jpg`);
   const field = calibration.result.residual_lenses;
   $("residual").hidden = !field || !field.columns;
   if (!$("residual").hidden) drawResidual(field);
@@ -202,21 +193,11 @@ function choose(place) {
 
 function send(file, place) {
   const distance = Number($("distance").value);
-  return new Promise((resolve, reject) => {
-    const request = new XMLHttpRequest();
-    request.open("PUT", `/api/v1/calibration/photograph?place=${place}` + (distance > 0 ? `&distance=${distance}` : ""));
-    request.upload.onprogress = (event) => {
-      $("progress").value = event.loaded / event.total;
-      $("sending-text").textContent = event.loaded < event.total ? "Sending the photograph." : "Looking for the lens sheet.";
-    };
-    request.onload = () => {
-      const answer = JSON.parse(request.responseText || "{}");
-      if (request.status < 300) resolve(answer);
-      else reject(new Error((answer.error || {}).cause || "status " + request.status));
-    };
-    request.onerror = () => reject(new Error("the connection was lost; choose the photograph again"));
-    request.send(file);
-  });
+  const query = `?place=${place}` + (distance > 0 ? `&distance=${distance}` : "");
+  return put("/api/v1/calibration/photograph" + query, file, (bytes) => {
+    $("progress").value = bytes / file.size;
+    $("sending-text").textContent = bytes < file.size ? "Sending the photograph." : "Looking for the lens sheet.";
+  }, "choose the photograph again").answer;
 }
 
 /** Says what became of a photograph. */
@@ -268,15 +249,13 @@ $("begin").onclick = () => {
 $("discard").onclick = () => work(() => api("POST", "calibration/discard"));
 $("keep").onclick = () => work(() => api("POST", "calibration/keep"));
 
-let connected = null;
-follow((now) => {
+follow((now, changed) => {
   state = now;
   enable();
-  if (now.connected && connected !== true) attempt(async () => {
+  if (now.connected && changed) attempt(async () => {
     const optics = await api("GET", "optics");
     if (!$("distance").value && optics.viewing_distance_mm) $("distance").value = Math.round(optics.viewing_distance_mm);
     show(await api("GET", "calibration"));
     await checkPanel();
   });
-  connected = now.connected;
 });

@@ -103,9 +103,8 @@ for (const key of ["x", "y", "z"]) {
 $("left-eye").onclick = () => moveTo(-32, eye.z);
 $("right-eye").onclick = () => moveTo(32, eye.z);
 
-let connected = null;
-follow((now) => {
-  if (now.connected && connected !== true) attempt(async () => {
+follow((now, changed) => {
+  if (now.connected && changed) attempt(async () => {
     const first = optics === null;
     optics = await api("GET", "optics");
     if (first) eye = { x: 0, y: optics.viewing_height_mm, z: optics.viewing_distance_mm || 700 };
@@ -113,5 +112,4 @@ follow((now) => {
     drawCrosstalk();
     reload();
   });
-  connected = now.connected;
 });

@@ -75,10 +75,5 @@ function show(health) {
 }
 
 const read = () => attempt(async () => show(await api("GET", "health")));
-read();
 setInterval(() => { if (!document.hidden) read(); }, 5000);
-let connected = null;
-follow((now) => {
-  if (connected !== null && now.connected !== connected) read();
-  connected = now.connected;
-});
+follow((now, changed) => { if (changed) read(); });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page Now: what plays, the list, the files.
-import { $, api, attempt, baseName, clock, count, follow, make, plain, refreshPicture, tell } from "/page.js";
+import { $, api, attempt, baseName, clock, count, follow, make, plain, put, refreshPicture, tell } from "/page.js";
 
 const PART = 4 * 1024 * 1024;  // an upload is sent in parts of this size
 const INSTEAD = { black: "a black frame", card: "a test card", views: "the chart of the page Trim",
@@ -277,21 +277,6 @@ async function check(name) {
   readFiles();
 }
 
-function sendPart(address, file, from, to, progress) {
-  return new Promise((resolve, reject) => {
-    const request = new XMLHttpRequest();
-    upload.request = request;
-    request.open("PUT", address);
-    request.setRequestHeader("Content-Range", `bytes ${from}-${to - 1}/${file.size}`);
-    request.upload.onprogress = (event) => progress(from + event.loaded);
-    request.onload = () => request.status < 300 ? resolve()
-      : reject(new Error(plain((JSON.parse(request.responseText || "{}").error || {}).cause || "status " + request.status)));
-    request.onerror = () => reject(new Error("the connection was lost; choose the file again to continue"));
-    request.onabort = () => reject(new Error("paused; choose the file again to continue"));
-    request.send(file.slice(from, to));
-  });
-}
-
 /** Sends the file from where an earlier upload ended. */
 async function sendFile(file) {
   const no = (text) => { tell(text); $("file").value = ""; };
@@ -312,7 +297,11 @@ async function sendFile(file) {
   try {
     while (at < file.size) {
       const end = Math.min(file.size, at + PART);
-      await sendPart(address, file, at, end, progress);
+      const begin = at;
+      const part = put(address, file.slice(begin, end), (bytes) => progress(begin + bytes),
+        "choose the file again to continue", { "Content-Range": `bytes ${begin}-${end - 1}/${file.size}` });
+      upload.request = part.request;
+      await part.answer;
       at = end;
     }
     tell(`${file.name} is there.`);
@@ -342,15 +331,11 @@ refreshPicture($("seen"), () =>
 setInterval(() => {
   if (!document.hidden) attempt(async () => showState({ ...state, machine: (await api("GET", "state")).machine }));
 }, 10000);
-let connected = null;
-follow((now) => {
+follow((now, changed) => {
   showState(now);
   $("list-title").parentElement.inert = !now.connected;
-  if (now.connected !== connected) {
-    connected = now.connected;
-    if (connected) readList(false).then(readFiles);
-    else readFiles();
-  }
+  if (changed && now.connected) readList(false).then(readFiles);
+  else if (changed) readFiles();
 }, (name, event) => {
   if (name === "list" && saved && items !== saved.items && !saving) {
     changedBy = `\u201c${event.who}\u201d`;

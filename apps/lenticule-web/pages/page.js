@@ -64,24 +64,17 @@ export function make(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** Says what is shown instead of the content, as the server's field "shown_instead" does. */
-function insteadOf(status) {
-  const place = status && status.displayed;
-  if (!place || (status.reading && status.reading.items > 1)) return "";
-  if (place.source.endsWith("/calibration/chart.png")) return "chart";
-  return ["black", "card", "views", "code"].includes(place.source) ? place.source : "";
-}
-
 /** Says below the navigation what keeps the page from working; dims what is out of date. */
 function warn(text, style) {
   $("notice").textContent = text;
   $("notice").className = style;
 }
 
-/** Calls `take` with the state now and after each change, `other` with the other events. Buttons
-    with data-changes need the right to change and a player, with "server" no player. */
+/** Calls `take` with the state now and after each change, and with true if the player came or went;
+    calls `other` with the other events. Buttons with data-changes need the right to change and a
+    player, with "server" no player. */
 export function follow(take, other = () => {}) {
-  let known = {}, source = null;
+  let known = {}, connected = null, source = null;
   const show = () => {
     document.body.dataset.rights = known.rights;
     document.body.dataset.player = known.connected ? "there" : "lost";
@@ -91,13 +84,14 @@ export function follow(take, other = () => {}) {
     warn(!known.connected ? "The player does not answer. What you see here is from before."
       : known.rights === "see" ? "You may look, but not change anything: your address has the right \u201csee\u201d." : "",
     known.connected ? "" : "lost");
-    take(known);
+    const changed = known.connected !== connected;
+    connected = known.connected;
+    take(known, changed);
   };
   const open = () => {
     source = new EventSource("/api/v1/events");
     source.addEventListener("state", (event) => {
       known = { ...known, ...JSON.parse(event.data) };
-      known.shown_instead = insteadOf(known.status);
       show();
     });
     for (const name of ["list", "item_started", "bad_item", "damaged_item", "not_replaced", "replaced",
@@ -116,6 +110,35 @@ export function follow(take, other = () => {}) {
   addEventListener("pageshow", (event) => { if (event.persisted) open(); });
 }
 
+/** Loads a picture into the image. */
+export async function loadPicture(image, address) {
+  const answer = await request(address);
+  if (!answer.ok) throw new Error(plain((await answer.json()).error.cause));
+  const old = image.src;
+  image.src = URL.createObjectURL(await answer.blob());
+  if (old.startsWith("blob:")) URL.revokeObjectURL(old);
+}
+
+/** Begins to send a file; returns the request, which can be aborted, and a promise of the JSON of its
+    answer. `sent` is called with the number of bytes that were sent. */
+export function put(address, body, sent, retry, headers = {}) {
+  const request = new XMLHttpRequest();
+  const answer = new Promise((resolve, reject) => {
+    request.open("PUT", address);
+    for (const [name, value] of Object.entries(headers)) request.setRequestHeader(name, value);
+    request.upload.onprogress = (event) => sent(event.loaded);
+    request.onload = () => {
+      const json = JSON.parse(request.responseText || "{}");
+      if (request.status < 300) resolve(json);
+      else reject(new Error(plain((json.error || {}).cause || "status " + request.status)));
+    };
+    request.onerror = () => reject(new Error("the connection was lost; " + retry));
+    request.onabort = () => reject(new Error("paused; " + retry));
+    request.send(body);
+  });
+  return { request, answer };
+}
+
 /** Loads pictures from `address()` into the image, one after the other, `pause` ms apart, while the
     page is visible. */
 export function refreshPicture(image, address, pause, after = () => {}) {
@@ -127,11 +150,7 @@ export function refreshPicture(image, address, pause, after = () => {}) {
     busy = true;
     const begun = performance.now();
     try {
-      const answer = await request(address());
-      if (!answer.ok) throw new Error(plain((await answer.json()).error.cause));
-      const old = image.src;
-      image.src = URL.createObjectURL(await answer.blob());
-      if (old.startsWith("blob:")) URL.revokeObjectURL(old);
+      await loadPicture(image, address());
       after("", performance.now() - begun);
     } catch (error) {
       after(error.message, 0);

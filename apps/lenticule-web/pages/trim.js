@@ -46,14 +46,12 @@ $("chart").onclick = () =>
   attempt(() => api("POST", "show", { what: state.shown_instead === "views" ? "content" : "views" }));
 
 const read = () => attempt(async () => show(await api("GET", "trim")));
-let connected = null;
-follow((now) => {
+follow((now, changed) => {
   state = now;
   const shown = now.shown_instead === "views";
   $("chart").setAttribute("aria-pressed", String(shown));
   $("chart").textContent = shown ? "Back to the content" : "Show the chart";
-  if (now.connected && connected !== true) read();
+  if (now.connected && changed) read();
   if (!now.connected) $("present").textContent = plain(now.problem);
   $("history").inert = !now.connected;
-  connected = now.connected;
 }, (name) => { if (name === "trim_changed") read(); });
