@@ -111,9 +111,9 @@ int pixels(const std::optional<double>& height, double usual, const frames::Fram
   return std::max(1, static_cast<int>(std::lround(height.value_or(usual) * panel.height)));
 }
 
-/// Returns a picture whose pixels are the means of the light that falls on them.
-frames::FloatImage scaled(const frames::TextureImage& from, int width, int height) {
-  frames::FloatImage to{width, height, {}};
+/// Returns the codes of a picture whose pixels are the means of the light that falls on them.
+std::vector<uint8_t> scaled(const frames::TextureImage& from, int width, int height) {
+  std::vector<uint8_t> codes;
   const double dx = double{1} * from.width / width, dy = double{1} * from.height / height;
   const auto overlap = [](int pixel, double begin, double end) {
     return std::max(0.0, std::min(pixel + 1.0, end) - std::max<double>(pixel, begin));
@@ -137,38 +137,31 @@ frames::FloatImage scaled(const frames::TextureImage& from, int width, int heigh
         }
       }
       for (size_t c = 0; c < 3; ++c)
-        to.rgba.push_back(static_cast<float>(sums[3] > 0.0 ? sums[c] / sums[3] : 0.0));
-      to.rgba.push_back(static_cast<float>(sums[3] / (dx * dy)));
+        codes.push_back(frames::code_from_linear(sums[3] > 0.0 ? sums[c] / sums[3] : 0.0));
+      codes.push_back(frames::code_from_encoded(static_cast<float>(sums[3] / (dx * dy))));
     }
   }
-  return to;
+  return codes;
 }
 
-void read_picture(Overlay& overlay) {
-  const std::string& file = overlay.spec.content;
-  const frames::FrameGeometry own = frames::probe_picture(file).geometry;
-  const int height =
-      overlay.spec.height ? pixels(overlay.spec.height, 1.0, overlay.panel) : own.height;
-  const int width =
-      std::max(1, static_cast<int>(std::lround(double{1} * own.width * height / own.height)));
+void place_picture(const frames::TextureImage& picture, Overlay& overlay) {
+  const int own = picture.height * picture.reduced;  // height of the picture in the file
+  const int height = overlay.spec.height ? pixels(overlay.spec.height, 1.0, overlay.panel) : own;
+  const double width_px = double{1} * picture.width * height / picture.height;
+  const int width = std::max(1, static_cast<int>(std::lround(width_px)));
   if (width > overlay.panel.width || height > overlay.panel.height)
-    throw input_error("{}: {}x{} pixels, but the panel has {}x{}", file, width, height,
-                      overlay.panel.width, overlay.panel.height)
+    throw input_error("{}: {}x{} pixels, but the panel has {}x{}", overlay.spec.content, width,
+                      height, overlay.panel.width, overlay.panel.height)
         .remedy("state a smaller height, for example height = 0.1");
-  frames::TextureImage picture = frames::read_texture(file);
-  if (picture.width != width || picture.height != height || picture.codes.empty()) {
-    const frames::FloatImage floats = scaled(picture, width, height);
-    picture.codes.resize(floats.rgba.size());
-    for (size_t n = 0; n < floats.rgba.size(); ++n)
-      picture.codes[n] = n % 4 == 3 ? frames::code_from_encoded(floats.rgba[n])
-                                    : frames::code_from_linear(floats.rgba[n]);
-  }
+  const bool is_as_stored =
+      picture.width == width && picture.height == height && !picture.codes.empty();
+  const std::vector<uint8_t> codes = is_as_stored ? picture.codes : scaled(picture, width, height);
   overlay.size = {width, height};
   overlay.colours = frames::WovenFrame(overlay.size);
-  overlay.alpha.resize(picture.codes.size() / 4);
+  overlay.alpha.resize(codes.size() / 4);
   for (size_t n = 0; n < overlay.alpha.size(); ++n) {
-    std::copy_n(&picture.codes[4 * n], 3, &overlay.colours.bytes()[3 * n]);
-    overlay.alpha[n] = picture.codes[4 * n + 3];
+    std::copy_n(&codes[4 * n], 3, &overlay.colours.bytes()[3 * n]);
+    overlay.alpha[n] = codes[4 * n + 3];
   }
 }
 
@@ -225,11 +218,12 @@ void begin_text(Overlay& overlay) {
   write(overlay, std::vector<std::string_view>(lines.begin(), lines.end()));
 }
 
-Overlay made(const OverlaySpec& spec, uint32_t bit, const frames::FrameGeometry& panel,
-             size_t part) {
+/// `picture` is that of the file, for all panels.
+Overlay made(const OverlaySpec& spec, uint32_t bit, const frames::FrameGeometry& panel, size_t part,
+             const frames::TextureImage& picture) {
   Overlay overlay{.spec = spec, .bit = bit, .panel = panel, .part = part};
   if (spec.kind == OverlaySpec::Kind::Picture) {
-    read_picture(overlay);
+    place_picture(picture, overlay);
   } else if (spec.kind == OverlaySpec::Kind::Code) {
     const frames::QrCode code = frames::qr_code_of(spec.content);
     const int room = std::min({pixels(spec.height, kCodeHeight, panel), panel.width, panel.height});
@@ -324,8 +318,11 @@ OverlaySet::OverlaySet(std::span<const OverlaySpec> overlays,
   for (size_t n = 0; n < overlays.size(); ++n) {
     try {
       std::vector<Overlay> drawn;
+      frames::TextureImage picture;
+      if (overlays[n].kind == OverlaySpec::Kind::Picture)
+        picture = frames::read_texture(overlays[n].content);
       for (size_t part = 0; part < panels.size(); ++part)
-        drawn.push_back(made(overlays[n], 1U << n, panels[part], part));
+        drawn.push_back(made(overlays[n], 1U << n, panels[part], part, picture));
       std::ranges::move(drawn, std::back_inserter(overlays_));
     } catch (const Error& error) {
       if (!left_out) throw;

@@ -3,7 +3,6 @@
 // OverlaySpec is what a list or a user asks for, OverlaySet what is drawn.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <ctime>
 #include <functional>
@@ -12,7 +11,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "base/error.h"
