@@ -54,7 +54,7 @@ class PanelCard {
         best = &mode;
     return best;
   }
-  /// `services` supplies the clock, session and platform, and the exit policy for the panel.
+  /// `services` supplies clock and session, platform, and the exit policy for the panel.
   explicit PanelCard(const display::KmsOptions& services) : services_(services) {}
 
   /// Shows the card on `panel`, unless it is shown there already. Returns false if the panel cannot
@@ -84,10 +84,13 @@ class PanelCard {
     frame_ = {};
   }
 
-  /// Runs the display until `deadline`, or until `wake_fd` (or -1) is readable. Returns true, and
-  /// earlier, after a hotplug event of any panel.
+  /// Waits until `deadline`, or until `wake_fd` (or -1) is readable, and runs the display
+  /// meanwhile. Returns true, and earlier, after a hotplug event of any panel.
   [[nodiscard]] bool wait(display::Nanoseconds deadline, int wake_fd) {
-    if (!display_) return true;
+    if (!display_) {
+      (void)services_.clock->wait_until(deadline, wake_fd);
+      return false;
+    }
     const uint64_t heard = display_->statistics().hotplugs;
     while (display_->now() < deadline) {
       const display::Nanoseconds nap = std::min(deadline, display_->now() + kNap);

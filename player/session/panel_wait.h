@@ -182,12 +182,7 @@ class PanelWait {
   /// Waits. Returns true after a hotplug event.
   /// Throws Error(Device) when cancelled.
   bool rest(display::Nanoseconds duration) {
-    const Nanoseconds until = now() + duration;
-    bool news = false;
-    if (card_.display() != nullptr)
-      news = card_.wait(until, options_.cancel_fd);
-    else
-      (void)options_.kms.clock->wait_until(until, options_.cancel_fd);
+    const bool news = card_.wait(now() + duration, options_.cancel_fd);
     if (cancelled()) throw Error(ErrorKind::Device, "kms: interrupted while waiting for a panel");
     return news;
   }

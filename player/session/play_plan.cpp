@@ -47,34 +47,27 @@ void require_equal_bits(const optics::PlacedPanel& a, const optics::PlacedPanel&
       .remedy("set panel.bits of both rigs to 8, or use a player for each panel");
 }
 
-/// BufferLayout places the panels side by side in one buffer, in rows.
-class BufferLayout {
- public:
-  void place(display::ScanoutPart& part) {
-    const int width = part.geometry.width;
-    if (left_ > 0 && left_ + width > kWidestRow) {
-      top_ = size_.height;
-      left_ = 0;
-    }
-    part.left_px = left_;
-    part.top_px = top_;
-    left_ += width;
-    size_.width = std::max(size_.width, left_);
-    size_.height = std::max(size_.height, top_ + part.geometry.height);
+/// Places a panel in the buffer beside the one before, `last`, or in a new row. `size` is that of
+/// the buffer.
+void place_beside(const display::ScanoutPart& last, display::ScanoutPart& part,
+                  frames::FrameGeometry& size) {
+  part.left_px = last.left_px + last.geometry.width;
+  part.top_px = last.top_px;
+  if (part.left_px > 0 && part.left_px + part.geometry.width > kWidestRow) {
+    part.left_px = 0;
+    part.top_px = size.height;
   }
-  [[nodiscard]] frames::FrameGeometry size() const { return size_; }
-
- private:
-  frames::FrameGeometry size_;
-  int left_ = 0, top_ = 0;
-};
+  size.width = std::max(size.width, part.left_px + part.geometry.width);
+  size.height = std::max(size.height, part.top_px + part.geometry.height);
+}
 
 /// Reads the wall of `flags` with its rigs, and sets source and display of the plan. Throws
 /// Error(Usage) for flags that need one rig, Error(Input) for files that are not valid.
 void plan_wall(const PlayFlags& flags, PlayPlan& plan) {
   refuse_flags_of_one_rig(flags, plan);
   const optics::PlacedWall wall = optics::load_wall(flags.wall);
-  BufferLayout buffer;
+  frames::FrameGeometry& size = plan.context.panel;
+  display::ScanoutPart last;
   for (const optics::PlacedPanel& panel : wall.panels) {
     require_equal_bits(wall.panels.front(), panel);
     const optics::Rig& rig = panel.trimmed.rig;
@@ -83,7 +76,8 @@ void plan_wall(const PlayFlags& flags, PlayPlan& plan) {
         .name = panel.name, .connector = panel.output, .identity = rig.identity};
     output.place.mounting = rig.panel.mounting;
     output.place.geometry = display::turned(seen, rig.panel.mounting);
-    buffer.place(output.place);
+    place_beside(last, output.place, size);
+    last = output.place;
     plan.display.parts.push_back(std::move(output));
     plan.context.wall.push_back({.name = panel.name,
                                  .panel = seen,
@@ -91,9 +85,8 @@ void plan_wall(const PlayFlags& flags, PlayPlan& plan) {
                                  .rig = rig,
                                  .card = rig_card(rig, panel.name)});
   }
-  plan.context.panel = buffer.size();
   plan.context.rig_name = flags.wall;
-  plan.display.panel = buffer.size();
+  plan.display.panel = size;
   plan.display.depth = display::depth_of(wall.panels.front().trimmed.rig.panel.bits);
 }
 
@@ -475,11 +468,7 @@ std::optional<PlayPlan> plan_when_rig_is_right(const PlayFlags& flags,
       const display::CardText text = error_card(flags.rig_or_wall(), error);
       if (search.present.empty() || !card->show(search.present.front(), text)) card->close();
     }
-    const Nanoseconds until = any_panel.clock->now() + kTryAgain;
-    if (card->display() != nullptr)
-      (void)card->wait(until, interrupt_fd());
-    else
-      (void)any_panel.clock->wait_until(until, interrupt_fd());
+    (void)card->wait(any_panel.clock->now() + kTryAgain, interrupt_fd());
   }
   return std::nullopt;
 }
