@@ -127,6 +127,13 @@ inline int node_number(std::string_view name) {
   return number_from<int>(name.substr(kPrefix.size())).value_or(-1);
 }
 
+/// Returns the nodes of this machine, by their numbers.
+inline std::vector<fs::path> video_nodes() {
+  std::vector<fs::path> nodes = entries_of("/dev");
+  std::erase_if(nodes, [](const auto& node) { return node_number(node.filename().native()) < 0; });
+  return nodes;
+}
+
 /// Returns the link to a node: the one by identity if there is one, otherwise the one by path.
 inline std::string stable_path_of(const fs::path& node) {
   for (const char* const folder : {"/dev/v4l/by-id", "/dev/v4l/by-path"})
@@ -155,14 +162,8 @@ inline std::string name_of(const fs::path& process) {
 class LinuxSystem final : public V4l2System {
  public:
   [[nodiscard]] std::vector<V4l2Node> nodes() override {
-    std::vector<std::pair<int, fs::path>> numbered;
-    for (const fs::path& path : entries_of("/dev")) {
-      const int number = node_number(path.filename().string());
-      if (number >= 0) numbered.emplace_back(number, path);
-    }
-    std::ranges::sort(numbered);
     std::vector<V4l2Node> nodes;
-    for (const auto& [number, path] : numbered)
+    for (const fs::path& path : video_nodes())
       nodes.push_back({.path = path.string(), .stable_path = stable_path_of(path)});
     return nodes;
   }

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "base/error_kinds.h"
+#include "base/file.h"
 #include "base/json_line_socket.h"
 #include "player/playback/overlay.h"
 
@@ -76,12 +77,9 @@ class ControlClient : public JsonLineSocket {
 /// Error(Device) if there is none, Error(Usage) if there are several.
 [[nodiscard]] inline std::string only_control_socket() {
   std::vector<std::string> found;
-  std::error_code ignored;
-  for (std::filesystem::directory_iterator entry("/run/lenticule", ignored), end;
-       !ignored && entry != end; entry.increment(ignored)) {
-    const std::filesystem::path socket = entry->path() / "control.sock";
+  for (const std::filesystem::path& folder : entries_of("/run/lenticule")) {
     std::error_code missing;
-    if (std::filesystem::is_socket(socket, missing)) found.push_back(socket.string());
+    if (is_socket(folder / "control.sock", missing)) found.push_back(folder / "control.sock");
   }
   if (found.size() == 1) return found.front();
   if (found.empty())
