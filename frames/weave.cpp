@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "base/error_kinds.h"
-#include "frames/srgb.h"
 #include "optics/eye_simulator.h"
 
 namespace lenticule::frames {
@@ -147,6 +146,20 @@ optics::Eye eye_of_view(const optics::OpticalModel& model, int view, int views) 
   return eye;
 }
 
+WovenFrame seen_by(const optics::OpticalModel& model, const FrameView& woven,
+                   const optics::Eye& eye, const optics::EyeOptions& options) {
+  const FrameGeometry& size = woven.geometry;
+  const optics::RgbPicture seen = optics::simulate_eye(model,
+                                                       {.pixels = woven.bytes.data(),
+                                                        .width = size.width,
+                                                        .height = size.height,
+                                                        .stride_bytes = size.row_bytes()},
+                                                       eye, options);
+  WovenFrame picture({.width = seen.width, .height = seen.height});
+  std::ranges::copy(seen.pixels, picture.bytes().begin());
+  return picture;
+}
+
 FrameGeometry decoded_geometry(const optics::Rig& rig) {
   const optics::Panel& panel = rig.panel;
   const double lenses = 3.0 * panel.width_px / rig.sheet.pitch.value;
@@ -161,16 +174,8 @@ FrameGeometry decoded_geometry(const optics::Rig& rig) {
 WovenFrame decode_view(const FrameView& woven, const optics::OpticalModel& model, int view,
                        int views) {
   const FrameGeometry geometry = decoded_geometry(model.rig());
-  const optics::RgbPicture seen = optics::simulate_eye(
-      model,
-      {.pixels = woven.bytes.data(),
-       .width = woven.geometry.width,
-       .height = woven.geometry.height,
-       .stride_bytes = woven.geometry.row_bytes()},
-      eye_of_view(model, view, views), {.width = geometry.width, .height = geometry.height});
-  WovenFrame picture(geometry);
-  std::copy(seen.pixels.begin(), seen.pixels.end(), picture.bytes().begin());
-  return picture;
+  return seen_by(model, woven, eye_of_view(model, view, views),
+                 {.width = geometry.width, .height = geometry.height});
 }
 
 }  // namespace lenticule::frames

@@ -9,6 +9,7 @@
 
 #include "frames/frame.h"
 #include "frames/quilt.h"
+#include "optics/eye_simulator.h"
 #include "optics/model.h"
 
 namespace lenticule::frames {
@@ -77,6 +78,10 @@ struct PicturePlace {
 
 // Decodes the views of a woven frame: the pictures seen by eyes that stand where each view is aimed
 // at.
+
+/// Returns optics::simulate_eye() of the frame. Throws Error(Input) as that does.
+[[nodiscard]] WovenFrame seen_by(const optics::OpticalModel& model, const FrameView& woven,
+                                 const optics::Eye& eye, const optics::EyeOptions& options = {});
 
 /// Returns the eye on the viewing line at the middle of view `view` of `views`; 0 is the leftmost.
 /// Rigs without a gap show the same picture everywhere, so their design eye is returned.

@@ -5,12 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <future>
 #include <vector>
 
 #include "base/error.h"
 #include "frames/frame.h"
-#include "optics/eye_simulator.h"
+#include "frames/weave.h"
 #include "optics/model.h"
 
 namespace lenticule::window {
@@ -80,24 +81,13 @@ enum class Look {
   Anaglyph,    ///< the left eye's red, the right eye's green and blue: for red-cyan glasses
 };
 
-inline optics::RgbPicture look_with(const optics::OpticalModel& model,
-                                    const frames::WovenFrame& woven, const optics::Eye& eye,
-                                    optics::PixelGrid size) {
-  return optics::simulate_eye(model,
-                              {.pixels = woven.bytes().data(),
-                               .width = woven.width(),
-                               .height = woven.height(),
-                               .stride_bytes = woven.geometry().row_bytes()},
-                              eye, {.width = size.width, .height = size.height});
-}
-
 /// Copies the channels [begin, end) of a picture to a place in the window.
-inline void draw(const optics::RgbPicture& picture, int begin, int end, optics::PixelPlace at,
+inline void draw(const frames::WovenFrame& picture, int begin, int end, optics::PixelPlace at,
                  frames::WovenFrame& window) {
-  const uint8_t* from = picture.pixels.data();
-  for (int j = 0; j < picture.height; ++j) {
+  const uint8_t* from = picture.bytes().data();
+  for (int j = 0; j < picture.height(); ++j) {
     uint8_t* to = window.row(at.row + j) + 3 * static_cast<ptrdiff_t>(at.column);
-    for (int i = 0; i < picture.width; ++i, from += 3, to += 3)
+    for (int i = 0; i < picture.width(); ++i, from += 3, to += 3)
       std::copy(from + begin, from + end, to + begin);
   }
 }
@@ -137,10 +127,11 @@ inline void draw(const optics::RgbPicture& picture, int begin, int end, optics::
                                                        const EyePair& eyes, Look look,
                                                        optics::PixelGrid window) {
   const optics::PixelGrid size = eye_size(model.rig().panel, look, window);
-  std::future<optics::RgbPicture> left_later =
-      std::async(std::launch::async, [&] { return look_with(model, woven, eyes.left(), size); });
-  const optics::RgbPicture right = look_with(model, woven, eyes.right(), size);
-  const optics::RgbPicture left = left_later.get();
+  const optics::EyeOptions options{.width = size.width, .height = size.height};
+  auto left_later = std::async(std::launch::async, frames::seen_by, std::cref(model), woven.view(),
+                               eyes.left(), options);
+  const frames::WovenFrame right = frames::seen_by(model, woven.view(), eyes.right(), options);
+  const frames::WovenFrame left = left_later.get();
 
   frames::WovenFrame picture({.width = window.width, .height = window.height});
   const int top = (window.height - size.height) / 2;

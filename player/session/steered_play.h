@@ -26,7 +26,7 @@
 #include "base/error_kinds.h"
 #include "base/print.h"
 #include "frames/image_io.h"
-#include "optics/eye_simulator.h"
+#include "frames/weave.h"
 #include "optics/rig_file.h"
 #include "player/control/control_answers.h"
 #include "player/control/control_server.h"
@@ -169,21 +169,6 @@ class PlayControls final : public ControlTarget {
     throw Error(ErrorKind::Usage,
                 "panel: " + (name.empty() ? "none is named" : "no '" + name + "'"),
                 fmt::format("this player shows {}", fmt::join(names, ", ")));
-  }
-
-  static frames::WovenFrame seen_by(const optics::Rig& rig, const frames::WovenFrame& woven,
-                                    const std::array<double, 3>& eye) {
-    const optics::OpticalModel model(rig);
-    const optics::RgbPicture seen =
-        optics::simulate_eye(model,
-                             {.pixels = woven.bytes().data(),
-                              .width = woven.width(),
-                              .height = woven.height(),
-                              .stride_bytes = woven.geometry().row_bytes()},
-                             {.x = eye[0], .y = eye[1], .z_mm = eye[2]});
-    frames::WovenFrame picture({.width = seen.width, .height = seen.height});
-    std::copy(seen.pixels.begin(), seen.pixels.end(), picture.bytes().begin());
-    return picture;
   }
 
   using Answer = std::function<void(ControlAnswer)>;
@@ -437,8 +422,9 @@ class PlayControls final : public ControlTarget {
     frames::WovenFrame displayed(part ? wall[*part].panel : plan_.context.panel);
     const DisplayedPlace place = copy_displayed("snapshot", displayed, part.value_or(0));
     if (request.eye_mm) {
-      const optics::Rig rig = part ? wall[*part].rig : plan_.trim->rig();
-      displayed = seen_by(rig, displayed, *request.eye_mm);
+      const auto& [x, y, z] = *request.eye_mm;
+      const optics::OpticalModel model(part ? wall[*part].rig : plan_.trim->rig());
+      displayed = frames::seen_by(model, displayed.view(), {.x = x, .y = y, .z_mm = z});
     }
     frames::write_woven(displayed.view(), request.file);
     return {{"file", request.file},

@@ -12,7 +12,7 @@
 #include "base/numbers.h"
 #include "base/print.h"
 #include "frames/image_io.h"
-#include "optics/eye_simulator.h"
+#include "frames/weave.h"
 #include "optics/trim.h"
 #include "player/process/rig_choice.h"
 
@@ -58,26 +58,19 @@ ExitCode run_eye(const EyeFlags& flags) {
                       woven.height(), panel.width_px, panel.height_px)
         .remedy("use --rig with the rig that the frame was woven for");
 
-  const optics::RgbPicture seen =
-      optics::simulate_eye(model,
-                           {.pixels = woven.bytes().data(),
-                            .width = woven.width(),
-                            .height = woven.height(),
-                            .stride_bytes = woven.geometry().row_bytes()},
-                           eye, flags.options);
-  const frames::FrameView picture{{.width = seen.width, .height = seen.height}, seen.pixels};
-  frames::write_woven(picture, flags.output);
+  const frames::WovenFrame seen = frames::seen_by(model, woven.view(), eye, flags.options);
+  frames::write_woven(seen.view(), flags.output);
 
   const nlohmann::json done = {{"output", flags.output},
-                               {"width", seen.width},
-                               {"height", seen.height},
+                               {"width", seen.width()},
+                               {"height", seen.height()},
                                {"rig_fingerprint", optics::fingerprint(model.rig())},
                                {"eye_mm", {eye.x, eye.y, eye.z_mm}}};
   if (flags.json)
     print_json(done);
   else
     print_out("{}: {} x {}, seen from {}, {}, {} mm\n", done["output"].get<std::string>(),
-              seen.width, seen.height, eye.x, eye.y, eye.z_mm);
+              seen.width(), seen.height(), eye.x, eye.y, eye.z_mm);
   return kOk;
 }
 
