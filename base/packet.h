@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packets of SOCK_SEQPACKET sockets, each with at most one descriptor.
+// Packets of SOCK_SEQPACKET sockets, each with at most one descriptor, and the texts in them.
 #pragma once
 
 #include <sys/socket.h>
 #include <sys/types.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
+#include <string>
 
 #include "base/unique_fd.h"
 
@@ -68,6 +70,18 @@ using DescriptorControl = std::array<char, CMSG_SPACE(sizeof(int))>;
     *descriptor = UniqueFd(received);
   }
   return n;
+}
+
+/// Writes a text that ends with a zero, shortened to its place.
+template <size_t Size>
+void set_text(std::array<char, Size>& to, const std::string& text) {
+  to = {};
+  std::copy_n(text.begin(), std::min(text.size(), Size - 1), to.begin());
+}
+
+template <size_t Size>
+std::string text_of(const std::array<char, Size>& from) {
+  return {from.begin(), std::find(from.begin(), from.end(), '\0')};
 }
 
 }  // namespace lenticule

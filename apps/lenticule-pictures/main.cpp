@@ -128,15 +128,10 @@ std::vector<uint8_t> bytes_of(const Received& received) {
   return bytes;
 }
 
-/// Returns the name that decoders see; only its extension is meaningful.
-std::string name_of(const PictureRequestMessage& message) {
-  const auto end = std::find(message.extension.begin(), message.extension.end(), '\0');
-  return "picture" + std::string(message.extension.begin(), end);
-}
-
 void serve(const Received& received, std::span<uint8_t> memory, bool reads_all) {
   const std::vector<uint8_t> bytes = bytes_of(received);
-  const std::string name = name_of(received.message);
+  // Only the extension is meaningful to decoders.
+  const std::string name = "picture" + text_of(received.message.extension);
   const frames::PictureDecoder* const codec =
       reads_all ? &frames::picture_codec(bytes, name) : frames::built_in_codec(bytes, name);
   if (codec == nullptr) return send({.reply = PictureReply::Unusual});
@@ -150,10 +145,8 @@ void serve(const Received& received, std::span<uint8_t> memory, bool reads_all) 
 
 void send_failure(const std::string& cause, const std::string& remedy = {}) {
   PictureReplyMessage message{.reply = PictureReply::Failed};
-  std::copy_n(cause.begin(), std::min(cause.size(), message.cause.size() - 1),
-              message.cause.begin());
-  std::copy_n(remedy.begin(), std::min(remedy.size(), message.remedy.size() - 1),
-              message.remedy.begin());
+  set_text(message.cause, cause);
+  set_text(message.remedy, remedy);
   send(message);
 }
 

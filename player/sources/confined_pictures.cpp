@@ -17,6 +17,7 @@
 #include "base/error_kinds.h"
 #include "base/file.h"
 #include "base/installation.h"
+#include "base/packet.h"
 #include "base/text.h"
 #include "frames/image_format.h"
 #include "frames/pictures/picture_messages.h"
@@ -183,11 +184,8 @@ class Decoder {
   /// does not know.
   [[noreturn]] void fail_with(const OpenPicture& picture,
                               const wire::PictureReplyMessage& reply) const {
-    const auto text = [](const auto& bytes) {
-      return escaped(std::string(bytes.begin(), std::find(bytes.begin(), bytes.end(), '\0')));
-    };
-    std::string cause = text(reply.cause);
-    const std::string remedy = text(reply.remedy);
+    std::string cause = escaped(text_of(reply.cause));
+    const std::string remedy = escaped(text_of(reply.remedy));
     const std::string prefix = "picture" + picture.extension + ": ";
     const std::string nameless = "picture: ";
     if (cause.starts_with(prefix)) cause.erase(0, prefix.size());

@@ -16,11 +16,9 @@
 //                        Done              or Failed, instead of anything
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <string>
 
 #include "frames/picture_codec.h"
 
@@ -53,16 +51,5 @@ struct Message {
   /// ViewerChoices of Load.
   std::array<char, 512> scene{}, animation{}, variant{};
 };
-
-template <size_t Size>
-void set_text(std::array<char, Size>& to, const std::string& text) {
-  to = {};
-  std::copy_n(text.begin(), std::min(text.size(), Size - 1), to.begin());
-}
-
-template <size_t Size>
-std::string text_of(const std::array<char, Size>& from) {
-  return {from.begin(), std::find(from.begin(), from.end(), '\0')};
-}
 
 }  // namespace lenticule::render::confined

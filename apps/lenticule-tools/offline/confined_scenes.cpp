@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <atomic>
-#include <cstring>
 #include <iterator>
 #include <map>
 #include <string>
@@ -40,10 +39,6 @@ constexpr player::ConfinedProgram kProgram{
     .remedy = "the file is broken, or its reader is: save it again, best as glTF (.glb)"};
 
 constexpr size_t kMostTexturesAtOnce = 8;  // as many as there are decoders of a kind
-
-std::string text(const char* begin, size_t size) {
-  return escaped(std::string(begin, strnlen(begin, size)));
-}
 
 Message failure_of(const std::exception& error) {
   Message message{.word = Word::Failed};
@@ -129,7 +124,7 @@ class KeptTextures {
                              : frames::TextureContent::Colour;
     const std::string path = text_of(question.path);
     if (!path.empty()) return frames::read_texture(path, content);
-    const std::string name = text(question.name.data(), question.name.size());
+    const std::string name = escaped(text_of(question.name));
     struct stat status {};
     if (question.bytes > frames::confined::kPictureFileLimit || ::fstat(file, &status) != 0 ||
         static_cast<uint64_t>(status.st_size) < question.bytes)
@@ -239,8 +234,8 @@ class ConfinedScenes::Reader {
           break;
         case Word::Failed:
           idle_ = true;
-          throw Error(ErrorKind::Input, text(message.name.data(), message.name.size()),
-                      text(message.hint.data(), message.hint.size()));
+          throw Error(ErrorKind::Input, escaped(text_of(message.name)),
+                      escaped(text_of(message.hint)));
         case Word::Piece:
           return message;
         default:
