@@ -3,7 +3,9 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <sstream>
+#include <string>
 
 #include "base/error.h"
 #include "base/exit_code.h"
@@ -41,6 +43,21 @@ template <class App, class Request>
     return kOk;
   };
   return run_reporting_errors(print, style);
+}
+
+/// Parses the arguments. Returns the exit code of main() if that is all to be done: after the help,
+/// the version or an error. The types are CLI::ParseError and CLI::App.
+template <class ParseError, class App>
+[[nodiscard]] std::optional<int> parse_arguments(App& app, int argc, char** argv,
+                                                 const ErrorStyle& style) {
+  try {
+    app.parse(argc, argv);
+    return std::nullopt;
+  } catch (const ParseError& error) {
+    if (error.get_exit_code() == 0) return print_help(app, error, style);
+    return report_error(
+        {ErrorKind::Usage, error.what(), std::string("see ") + style.program + " --help"}, style);
+  }
 }
 
 }  // namespace lenticule

@@ -5,7 +5,6 @@
 #include <functional>
 #include <map>
 
-#include "apps/lenticule-video/av_handles.h"
 #include "apps/lenticule-video/subcommands.h"
 #include "base/exit_code.h"
 #include "base/main_function.h"
@@ -115,12 +114,7 @@ int main(int argc, char** argv) {
   runs[decode] = declare_decode(*decode);
   runs[sound] = declare_sound(*sound);
   runs[encode] = declare_encode(*encode);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return lenticule::print_help(app, error, kStyle);
-    return lenticule::report_error(
-        {lenticule::ErrorKind::Usage, error.what(), "see lenticule-video --help"}, kStyle);
-  }
+  if (const auto code = lenticule::parse_arguments<CLI::ParseError>(app, argc, argv, kStyle))
+    return *code;
   return lenticule::run_reporting_errors(runs.at(app.get_subcommands().front()), kStyle);
 }

@@ -255,15 +255,7 @@ int run(int argc, char** argv) {
     sub->add_flag("--code", flags.code,
                   "print the QR code of the address, also if the output is not a terminal");
   }
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& request) {
-    return print_help(app, request, kErrors);
-  } catch (const CLI::CallForVersion& request) {
-    return print_help(app, request, kErrors);
-  } catch (const CLI::ParseError& error) {
-    return report_error(Error(ErrorKind::Usage, error.what(), "see lenticule web --help"), kErrors);
-  }
+  if (const auto code = parse_arguments<CLI::ParseError>(app, argc, argv, kErrors)) return *code;
   return run_reporting_errors(
       [&]() -> int {
         if (list->parsed()) return print_tokens(flags);

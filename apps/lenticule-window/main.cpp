@@ -181,13 +181,8 @@ int main(int argc, char** argv) {
   app.add_option("--ready", flags.ready,
                  "descriptor of a pipe: one byte is written when the window is open")
       ->required();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return lenticule::print_help(app, error, kErrors);
-    return lenticule::report_error(
-        {lenticule::ErrorKind::Usage, error.what(), "see lenticule-window --help"}, kErrors);
-  }
+  if (const auto code = lenticule::parse_arguments<CLI::ParseError>(app, argc, argv, kErrors))
+    return *code;
   return lenticule::run_reporting_errors(
       [&flags] {
         Window(flags).run();
