@@ -2,6 +2,7 @@
 #include "player/process/interrupt.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -70,6 +71,12 @@ void say_at_interrupt(const char* text) noexcept { g_text.store(text); }
 int interrupt_signal() noexcept { return g_signal.load(std::memory_order_relaxed); }
 
 int interrupt_fd() noexcept { return g_pipe[0]; }
+
+bool wait_unless_interrupted(std::chrono::milliseconds duration) noexcept {
+  pollfd entry{.fd = interrupt_fd(), .events = POLLIN, .revents = 0};
+  (void)::poll(&entry, 1, static_cast<int>(duration.count()));
+  return !interrupted();
+}
 
 ExitCode interrupt_exit_code() noexcept {
   switch (interrupt_signal()) {

@@ -5,6 +5,7 @@
 // request to reload.
 #pragma once
 
+#include <chrono>
 #include <string>
 
 #include "base/error.h"
@@ -30,6 +31,9 @@ void say_at_interrupt(const char* text) noexcept;
 /// Returns the signal that asked the process to stop, or 0.
 [[nodiscard]] int interrupt_signal() noexcept;
 [[nodiscard]] inline bool interrupted() noexcept { return interrupt_signal() != 0; }
+
+/// Waits, unless the process is interrupted. Returns false then.
+bool wait_unless_interrupted(std::chrono::milliseconds duration) noexcept;
 
 /// Returns a descriptor for poll loops that becomes readable when the process is interrupted.
 [[nodiscard]] int interrupt_fd() noexcept;

@@ -3,7 +3,6 @@
 // are.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -232,7 +231,7 @@ class SubmitRun {
   uint64_t merge_job_ = 0;
 };
 
-constexpr int kWatchMilliseconds = 2000;
+constexpr std::chrono::seconds kWatchPause{2};
 
 /// QueueLook asks Slurm for the film's tasks if they were submitted to it. The queue of a large
 /// cluster costs its controller some work, so that --watch asks seldom.
@@ -274,13 +273,6 @@ void print_status(const farm::FarmStatus& status, QueueLook& queue, bool json) {
   print_json(out);
 }
 
-/// Waits; returns false if interrupted.
-bool wait_for_next_look() {
-  pollfd query{.fd = player::interrupt_fd(), .events = POLLIN, .revents = 0};
-  (void)poll(&query, 1, kWatchMilliseconds);
-  return !player::interrupted();
-}
-
 }  // namespace
 
 ExitCode farm_submit(const FarmFlags& flags) {
@@ -303,7 +295,7 @@ ExitCode farm_status(const FarmFlags& flags) {
     print_status(status, queue, flags.json);
     if (!flags.watch || status.complete()) return kOk;
     flush_results();
-    if (!wait_for_next_look()) return player::interrupt_exit_code();
+    if (!player::wait_unless_interrupted(kWatchPause)) return player::interrupt_exit_code();
   }
 }
 }  // namespace lenticule::tools

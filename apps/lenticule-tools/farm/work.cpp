@@ -4,7 +4,6 @@
 // folder as a whole or not at all. lenticule farm feed passes the frames to a player while they are
 // made, and farm merge joins the chunks.
 #include <fmt/format.h>
-#include <poll.h>
 #include <unistd.h>
 
 #include <array>
@@ -261,15 +260,12 @@ class ChunkRun {
   bool agrees_ = true;  ///< no process has reported other bytes before
 };
 
-constexpr int kLookMilliseconds = 250;
-
 /// Waits for a chunk; returns none if interrupted.
 std::optional<farm::ChunkReport> await_chunk(const farm::WorkFolder& folder, uint64_t chunk) {
-  while (!player::interrupted()) {
+  constexpr std::chrono::milliseconds kLook{250};
+  do {
     if (auto report = folder.done(chunk)) return report;
-    pollfd query{.fd = player::interrupt_fd(), .events = POLLIN, .revents = 0};
-    (void)poll(&query, 1, kLookMilliseconds);
-  }
+  } while (player::wait_unless_interrupted(kLook));
   return std::nullopt;
 }
 

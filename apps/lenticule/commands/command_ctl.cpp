@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule ctl controls a player that runs with --control.
 
-#include <poll.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -112,8 +111,7 @@ ExitCode show_address(const std::string& socket, const std::string& address,
   const ordered_json before = return_request(status, answer_to({{"do", "list"}}));
   (void)answer_to({{"do", "load"}, {"source", std::string(kCode) + ":" + address}});
   say("the code is on the panel for {} s, or until Ctrl-C\n", duration.count() / 1000);
-  pollfd entry{.fd = player::interrupt_fd(), .events = POLLIN, .revents = 0};
-  (void)::poll(&entry, 1, static_cast<int>(duration.count()));
+  (void)player::wait_unless_interrupted(duration);
   // Another client may have loaded something else meanwhile.
   if (source_on_panel(answer_to({{"do", "status"}})) != kCode) return kOk;
   try {
