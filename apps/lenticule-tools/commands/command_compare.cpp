@@ -95,16 +95,16 @@ std::vector<PicturePair> pairs_by_name(const std::filesystem::path& reference,
 /// sorted by name. Throws Error(Usage) if the two are of different kinds, Error(Input) if there are
 /// no files, the test has files that the reference lacks, or a folder lacks a picture of the other.
 std::vector<PicturePair> picture_pairs(const std::string& reference, const std::string& test) {
-  const bool pattern = frames::FilePattern::looks_like_pattern(reference);
-  if (pattern != frames::FilePattern::looks_like_pattern(test))
-    throw Error(ErrorKind::Usage, "compare: only one side is a pattern",
-                "give two files, two folders, or two patterns like a/%05d.png b/%05d.png");
-  if (pattern) return pairs_by_number(reference, test);
-  const bool folder = std::filesystem::is_directory(reference);
-  if (folder != std::filesystem::is_directory(test))
-    throw Error(ErrorKind::Usage, "compare: only one side is a folder",
-                "give two files, two folders, or two patterns like a/%05d.png b/%05d.png");
-  if (folder) return pairs_by_name(reference, test);
+  const auto both_are = [&](const char* what, const auto& is) {
+    const bool one = is(reference);
+    if (one == is(test)) return one;
+    throw usage_error("compare: only one side is a {}", what)
+        .remedy("give two files, two folders, or two patterns like a/%05d.png b/%05d.png");
+  };
+  if (both_are("pattern", frames::FilePattern::looks_like_pattern))
+    return pairs_by_number(reference, test);
+  if (both_are("folder", [](const std::filesystem::path& path) { return is_directory(path); }))
+    return pairs_by_name(reference, test);
   return {{reference, test}};
 }
 

@@ -52,15 +52,8 @@ using nlohmann::json;
 using optics::PlacedPanel;
 using optics::PlacedWall;
 
-double width_mm(const PlacedPanel& placed) {
-  const optics::Panel& panel = placed.calibrated.panel;
-  return panel.width_px * panel.pixel_width.value;
-}
-
-double height_mm(const PlacedPanel& placed) {
-  const optics::Panel& panel = placed.calibrated.panel;
-  return panel.height_px * panel.pixel_height.value;
-}
+double width_mm(const optics::Panel& panel) { return panel.width_px * panel.pixel_width.value; }
+double height_mm(const optics::Panel& panel) { return panel.height_px * panel.pixel_height.value; }
 
 /// Returns the angle between the panel's normal and the direction to the viewer.
 double viewer_degrees(const PlacedPanel& placed) {
@@ -98,11 +91,12 @@ json wall_json(const PlacedWall& wall) {
   for (const PlacedPanel& placed : wall.panels) {
     const Vec3 centre = placed.wall_from_panel.origin;
     const optics::ViewingLine& line = placed.calibrated.viewing;
+    const optics::Panel& panel = placed.calibrated.panel;
     panels.push_back({{"name", placed.name},
-                      {"width_px", placed.calibrated.panel.width_px},
-                      {"height_px", placed.calibrated.panel.height_px},
-                      {"width_mm", width_mm(placed)},
-                      {"height_mm", height_mm(placed)},
+                      {"width_px", panel.width_px},
+                      {"height_px", panel.height_px},
+                      {"width_mm", width_mm(panel)},
+                      {"height_mm", height_mm(panel)},
                       {"centre_mm", {centre.x, centre.y, centre.z}},
                       {"viewer_mm", {line.centre.value, line.height.value, line.distance.value}},
                       {"viewer_degrees", viewer_degrees(placed)},
@@ -141,7 +135,8 @@ struct Projection {
 };
 
 std::string outline(const PlacedPanel& placed, const Projection& projection) {
-  const double x = width_mm(placed) / 2.0, y = height_mm(placed) / 2.0;
+  const optics::Panel& panel = placed.calibrated.panel;
+  const double x = width_mm(panel) / 2.0, y = height_mm(panel) / 2.0;
   std::string points;
   for (const Vec3 corner :
        std::array{Vec3{-x, -y, 0}, Vec3{x, -y, 0}, Vec3{x, y, 0}, Vec3{-x, y, 0}})
@@ -160,7 +155,8 @@ std::string drawing(const PlacedWall& wall) {
     y.extend(placed.y_mm);
     z.extend(placed.wall_from_panel.origin.z);
     for (const double side : {-0.5, 0.5})
-      z.extend(placed.wall_from_panel.point({side * width_mm(placed), 0.0, 0.0}).z);
+      z.extend(
+          placed.wall_from_panel.point({side * width_mm(placed.calibrated.panel), 0.0, 0.0}).z);
   }
   x.extend(wall.viewer_mm.x);
   z.extend(wall.viewer_mm.z);
@@ -175,10 +171,7 @@ std::string drawing(const PlacedWall& wall) {
   for (const Projection& projection : {front, above})
     for (const PlacedPanel& placed : wall.panels) out += outline(placed, projection);
   const auto text = [&out](const Vec3& at, const Projection& projection, const std::string& what) {
-    const std::string place = projection.at(at);
-    const size_t comma = place.find(',');
-    out += fmt::format("<text x=\"{}\" y=\"{}\">{}</text>\n", place.substr(0, comma),
-                       place.substr(comma + 1), what);
+    out += fmt::format("<text transform=\"translate({})\">{}</text>\n", projection.at(at), what);
   };
   out += "</g>\n<g fill=\"#1f3b64\">\n";
   for (const PlacedPanel& placed : wall.panels)
@@ -243,8 +236,8 @@ json panel_json(const optics::Panel& panel) {
           {"height_px", panel.height_px},
           {"pixel_width_mm", panel.pixel_width.value},
           {"pixel_height_mm", panel.pixel_height.value},
-          {"width_mm", panel.width_px * panel.pixel_width.value},
-          {"height_mm", panel.height_px * panel.pixel_height.value},
+          {"width_mm", width_mm(panel)},
+          {"height_mm", height_mm(panel)},
           {"layout", panel.layout.name()},
           {"mounting", optics::mounting_name(panel.mounting)},
           {"bits", panel.bits},
