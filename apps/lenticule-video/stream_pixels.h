@@ -7,7 +7,6 @@
 #include <optional>
 #include <string>
 
-#include "apps/lenticule-video/av_handles.h"
 #include "apps/lenticule-video/pixel_convert.h"
 
 namespace lenticule::video {

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/json_output.h"
 #include "base/print.h"
 #include "display/open/open_display.h"
 #include "player/playlist/playlist_reporter.h"

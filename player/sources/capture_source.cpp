@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "base/error_kinds.h"
-#include "base/numbers.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
 

@@ -7,14 +7,12 @@
 //   picture) -> CaptureSource of each item that shows it
 #pragma once
 
-#include <chrono>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "frames/capture/capture_format.h"
 #include "frames/capture/capture_stream.h"
 #include "frames/capture/code_converter.h"
 #include "frames/frame_source.h"

@@ -11,7 +11,6 @@
 #include "apps/lenticule-tools/offline/frame_output.h"
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/option.h"
-#include "base/error.h"
 
 namespace lenticule::tools {
 namespace {
