@@ -48,7 +48,7 @@ constexpr size_t kMostFilms = 128;
 constexpr size_t kMostVideos = 16;
 /// Limit for playback: 2 GiB, the size of 86 views of 3840x2160.
 constexpr uint64_t kMostPlayedViewBytes = uint64_t{2} << 30;
-constexpr auto kTimeout = std::chrono::minutes(1);
+constexpr auto kTimeout = std::chrono::minutes(2);
 constexpr std::chrono::milliseconds kLongestWait{100};
 
 uint64_t pixels_of(const frames::FrameGeometry& size) {
@@ -449,30 +449,37 @@ Content identify_by_pixels(const SourceSpec& source, const std::string& rig_fing
   return content;
 }
 
-void await_first(ViewInput& input, const std::string& name) {
+bool await_next(ViewInput& input, const std::string& name) {
   const auto deadline = std::chrono::steady_clock::now() + kTimeout;
-  while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
+  while (std::chrono::steady_clock::now() < deadline) {
     switch (input.next()) {
       case frames::PullStatus::Ready:
-        return;
+        return true;
       case frames::PullStatus::End:
-        throw input_error("{}: has no frames", name);
+        return false;
       case frames::PullStatus::Failed:
         throw Error(ErrorKind::Input, input.failure(), frames::kDamagedRemedy);
       case frames::PullStatus::NotYet:
+        if (interrupted()) return false;
         input.wait(kLongestWait);
     }
   }
   throw failed_error("{}: no picture arrived", name);
 }
 
+void await_first(ViewInput& input, const std::string& name) {
+  if (await_next(input, name)) return;
+  throw interrupted() ? failed_error("{}: no picture arrived", name)
+                      : input_error("{}: has no frames", name);
+}
+
 frames::FrameDamage await_damage(ViewInput& input) {
   input.release();
   try {
-    for (;; input.release()) await_first(input, {});
-  } catch (const Error&) {
-    return input.damage();  // at its end
+    while (await_next(input, {})) input.release();
+  } catch (const Error&) {  // ends it, too
   }
+  return input.damage();
 }
 
 }  // namespace lenticule::player

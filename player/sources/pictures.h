@@ -57,11 +57,14 @@ struct PictureOptions {
                                          bool views_wanted = false,
                                          bool patterns_are_views = false);
 
-/// Waits at most a minute for the first set of views. Throws Error(Input) with the input's error,
-/// Error(Failed) if none came or the input has no frame.
+/// Waits at most two minutes for the next set of views; returns false at the end, or if
+/// interrupted. Throws Error(Input) with the input's error, Error(Failed) if none came.
+[[nodiscard]] bool await_next(frames::ViewInput& input, const std::string& name);
+
+/// Does so for the first set. Throws also if the input has no frame, or if interrupted.
 void await_first(frames::ViewInput& input, const std::string& name);
 
-/// Returns the damage in the whole input, which it reads to its end, as await_first() does; the set
+/// Returns the damage in the whole input, which it reads to its end, as await_next() does; the set
 /// of views in use must be the last one needed.
 [[nodiscard]] frames::FrameDamage await_damage(frames::ViewInput& input);
 

@@ -67,11 +67,6 @@ class ConvertInput {
   [[nodiscard]] virtual frames::FrameDamage damage() const { return {}; }
 };
 
-using frames::PullStatus;
-
-constexpr std::chrono::milliseconds kLook{100};
-constexpr std::chrono::minutes kTimeout{2};
-
 frames::FrameGeometry panel_of(const optics::Rig& rig) {
   return {.width = rig.panel.width_px, .height = rig.panel.height_px};
 }
@@ -128,22 +123,9 @@ class ViewFrames final : public ConvertInput {
  private:
   /// Skips frames up to the requested one; returns false at the end.
   bool advance_to(uint64_t number) {
-    auto deadline = std::chrono::steady_clock::now() + kTimeout;
-    while (std::chrono::steady_clock::now() < deadline) {
-      const PullStatus status = views_->next();
-      if (status == PullStatus::End) return false;
-      if (status == PullStatus::Failed)
-        throw Error(ErrorKind::Input, views_->failure(), frames::kDamagedRemedy);
-      if (status == PullStatus::NotYet) {
-        if (player::interrupted()) return false;
-        views_->wait(kLook);
-        continue;
-      }
+    for (; player::await_next(*views_, name_); views_->release())
       if (views_->number() >= number) return true;
-      views_->release();
-      deadline = std::chrono::steady_clock::now() + kTimeout;
-    }
-    throw failed_error("{}: no picture arrived", name_);
+    return false;
   }
 
   std::unique_ptr<frames::ViewInput> views_;
@@ -157,11 +139,13 @@ namespace fs = std::filesystem;
 class VideoOutput final : public FrameOutput {
  public:
   explicit VideoOutput(const OutputRequest& request)
-      : writer_({.file = request.target, .geometry = request.geometry, .rate = request.rate}) {}
+      : writer_({.file = request.target,
+                 .geometry = request.film.geometry,
+                 .rate = request.film.rate}) {}
 
-  Delivery deliver(uint64_t, const frames::FrameView& pixels) override {
+  bool deliver(uint64_t, const frames::FrameView& pixels) override {
     writer_.write(pixels);
-    return Delivery::Done;
+    return true;
   }
   void finish() override { writer_.finish(); }
 
@@ -200,8 +184,8 @@ class ViewFilesOutput final : public FrameOutput {
     }
     frames::check_writable_format(file(0, request.range.begin));
     require_replaceable_pictures(request,
-                                 {.width = request.geometry.width / layout.columns,
-                                  .height = request.geometry.height / layout.rows},
+                                 {.width = request.film.geometry.width / layout.columns,
+                                  .height = request.film.geometry.height / layout.rows},
                                  [this](uint64_t frame) { return file(0, frame); });
   }
 
@@ -214,7 +198,7 @@ class ViewFilesOutput final : public FrameOutput {
       return false;
     }
   }
-  Delivery deliver(uint64_t frame, const frames::FrameView& pixels) override {
+  bool deliver(uint64_t frame, const frames::FrameView& pixels) override {
     const frames::ViewSet views = frames::ViewSet::borrow(pixels, layout_);
     frames::WovenFrame picture({.width = views.width(), .height = views.height()});
     for (int view = 0; view < views.count(); ++view) {
@@ -222,7 +206,7 @@ class ViewFilesOutput final : public FrameOutput {
         std::copy_n(views.pixel(view, 0, row), picture.geometry().row_bytes(), picture.row(row));
       frames::write_woven(picture.view(), file(static_cast<uint64_t>(view), frame));
     }
-    return Delivery::Done;
+    return true;
   }
 
  private:
@@ -312,63 +296,14 @@ struct ConvertFlags {
   bool json = false;
 };
 
-/// Content of the written frames.
-enum class Result { Woven, Quilt };
-
-/// ConvertPlan checks the flags before a file is opened.
-class ConvertPlan {
- public:
-  explicit ConvertPlan(const ConvertFlags& flags) : flags_(flags) {
-    if (!flags.rig.empty()) rig = optics::load_rig_and_identity(flags.rig);
-    const bool views_wanted = flags.as == "quilt" || is_view_files(flags.output);
-    content = identify_input(views_wanted);
-    const bool has_views = content.kind != Kind::Woven;
-    if (flags.as == "woven" && has_views && !rig)
-      rig = optics::load_rig_and_identity(player::choose_rig({}).file);
-    result =
-        views_wanted || (has_views && flags.as.empty() && !rig) ? Result::Quilt : Result::Woven;
-    refuse_what_makes_no_sense(has_views);
-  }
-
-  std::optional<optics::TrimmedRig> rig;
-  player::Content content;
-  Result result = Result::Woven;
-
- private:
-  [[nodiscard]] player::Content identify_input(bool views_wanted) const {
-    player::SourceSpec source = parse_source(flags_.input, flags_.content);
-    // Woven frames of any rig are separated if views are wanted.
-    if (views_wanted) source.content.reweave = true;
-    if (rig && !views_wanted)
-      return identify_by_pixels(source, rig->identity.fingerprint, panel_of(rig->rig));
-    return identify_by_pixels(source, "", std::nullopt, views_wanted || flags_.as == "woven");
-  }
-
-  void refuse_what_makes_no_sense(bool has_views) const {
-    if (result == Result::Quilt && !has_views)
-      throw usage_error("{}: woven frames, not views", flags_.input)
-          .remedy("use --from-rig RIG, the rig that they were woven for, to split them into views");
-    if (result == Result::Quilt && rig)
-      throw Error(ErrorKind::Usage, "--rig: has no effect on quilts and views",
-                  "leave it out; use --from-rig for the rig that frames were woven for");
-    if (flags_.max_error > 0 && !flags_.output.ends_with(".lts"))
-      throw usage_error("--max-error: not for {}", flags_.output).remedy("use it with -o FILE.lts");
-    if (flags_.output.ends_with(".toml") || flags_.output.ends_with(".json"))
-      throw usage_error("-o {}: unknown kind of output", flags_.output)
-          .remedy("use FILE.lts, FILE.mkv, a pattern, a picture, or 'views:view%02d/%05d.png'");
-  }
-
-  const ConvertFlags& flags_;
-};
-
 class ConvertRun {
  public:
-  explicit ConvertRun(const ConvertFlags& flags) : flags_(flags), plan_(flags) {
+  explicit ConvertRun(const ConvertFlags& flags) : flags_(flags) {
+    decide();
     if (!flags.frames.empty()) wanted_ = player::parse_frame_range(flags.frames);
     input_ = open_input();
     info_ = input_->info();
-    if (player::kind_of_file(flags_.input) == player::SourceKind::Sequence &&
-        plan_.result == Result::Quilt) {
+    if (player::kind_of_file(flags_.input) == player::SourceKind::Sequence && quilts_) {
       const frames::SequenceInfo there = frames::SequenceReader(flags_.input).info();
       // Views that are copied keep their subpixels; those that are taken out of woven frames do
       // not.
@@ -379,10 +314,10 @@ class ConvertRun {
     makes_one_picture_ = !input_->count() && !wanted_ && is_picture(flags_.output);
     if (makes_one_picture_) range_.end = 1;
     if (!flags.rate.empty()) info_.rate = frames::parse_rate(flags.rate);
-    if (plan_.result == Result::Quilt)
+    if (quilts_)
       state_views();
-    else if (plan_.rig)
-      state_rig(*plan_.rig);
+    else if (rig_)
+      state_rig(*rig_);
     open_output();
   }
 
@@ -403,30 +338,63 @@ class ConvertRun {
   }
 
  private:
+  /// Decides, before the input is opened, what is written.
+  void decide() {
+    if (!flags_.rig.empty()) rig_ = optics::load_rig_and_identity(flags_.rig);
+    const bool views_wanted = flags_.as == "quilt" || is_view_files(flags_.output);
+    content_ = identify_input(views_wanted);
+    const bool has_views = content_.kind != Kind::Woven;
+    if (flags_.as == "woven" && has_views && !rig_)
+      rig_ = optics::load_rig_and_identity(player::choose_rig({}).file);
+    quilts_ = views_wanted || (has_views && flags_.as.empty() && !rig_);
+    refuse_what_makes_no_sense(has_views);
+  }
+  [[nodiscard]] player::Content identify_input(bool views_wanted) const {
+    player::SourceSpec source = parse_source(flags_.input, flags_.content);
+    // Woven frames of any rig are separated if views are wanted.
+    if (views_wanted) source.content.reweave = true;
+    if (rig_ && !views_wanted)
+      return identify_by_pixels(source, rig_->identity.fingerprint, panel_of(rig_->rig));
+    return identify_by_pixels(source, "", std::nullopt, views_wanted || flags_.as == "woven");
+  }
+
+  void refuse_what_makes_no_sense(bool has_views) const {
+    if (quilts_ && !has_views)
+      throw usage_error("{}: woven frames, not views", flags_.input)
+          .remedy("use --from-rig RIG, the rig that they were woven for, to split them into views");
+    if (quilts_ && rig_)
+      throw Error(ErrorKind::Usage, "--rig: has no effect on quilts and views",
+                  "leave it out; use --from-rig for the rig that frames were woven for");
+    if (flags_.max_error > 0 && !flags_.output.ends_with(".lts"))
+      throw usage_error("--max-error: not for {}", flags_.output).remedy("use it with -o FILE.lts");
+    if (flags_.output.ends_with(".toml") || flags_.output.ends_with(".json"))
+      throw usage_error("-o {}: unknown kind of output", flags_.output)
+          .remedy("use FILE.lts, FILE.mkv, a pattern, a picture, or 'views:view%02d/%05d.png'");
+  }
   [[nodiscard]] player::PictureOptions picture_options() const {
     return {.frames = std::nullopt,
             .first_frame = wanted_ ? wanted_->begin : 0,
             .pool_frames = 2 * player::all_threads(),
             .decoder_threads = player::all_threads(),
             .drawing_threads = player::all_threads(),
-            .rig = plan_.rig ? &plan_.rig->rig : nullptr,
+            .rig = rig_ ? &rig_->rig : nullptr,
             .plays_again = false,
-            .before_weaving = plan_.content.kind != Kind::Woven};
+            .before_weaving = content_.kind != Kind::Woven};
   }
 
   [[nodiscard]] std::unique_ptr<ConvertInput> open_input() {
     const bool container = player::kind_of_file(flags_.input) == player::SourceKind::Sequence;
-    const bool woven = plan_.content.kind == Kind::Woven;
+    const bool woven = content_.kind == Kind::Woven;
     if (woven && container) return std::make_unique<ContainerInput>(flags_.input);
     if (container) refuse_damaged();
     // Woven pictures, which are not changed, are read as quilts of one tile.
-    player::Content content = plan_.content;
+    player::Content content = content_;
     if (woven) content.kind = Kind::Quilt;
     std::unique_ptr<frames::ViewInput> views = open_views(content, picture_options());
     const frames::ViewShape shape = views->shape();
     if (!woven) shape_ = shape;
-    if (!woven && plan_.result == Result::Woven) {
-      const optics::Rig& rig = plan_.rig.value().rig;
+    if (!woven && !quilts_) {
+      const optics::Rig& rig = rig_.value().rig;
       const auto pipeline = std::make_shared<player::WeavingPipeline>(rig, shape, flags_.weaving,
                                                                       player::all_threads());
       const auto weave = [pipeline](const auto& set, auto& frame) { pipeline->weave(set, frame); };
@@ -447,7 +415,7 @@ class ConvertRun {
       layout.columns = grid.columns;
       layout.rows = grid.rows;
     };
-    if (plan_.content.kind == Kind::Quilt) take_grid(plan_.content.layout);
+    if (content_.kind == Kind::Quilt) take_grid(content_.layout);
     if (const auto named = frames::quilt_layout_of_name(flags_.output)) take_grid(*named);
     return layout;
   }
@@ -535,20 +503,17 @@ class ConvertRun {
 
   void open_output() {
     if (info_.made_from.empty()) info_.made_from = made_from(flags_.input);
+    info_.software = program_version();
     info_.max_error = std::min(info_.max_error + flags_.max_error, 255);
-    const bool quilts = plan_.result == Result::Quilt;
-    written_ = quilts ? target_name(flags_.output, layout_) : flags_.output;
+    written_ = quilts_ ? target_name(flags_.output, layout_) : flags_.output;
     output_ = open_convert_output(
         {.target = written_,
          .range = {.begin = info_.first_frame, .end = info_.first_frame + range_.count()},
-         .geometry = info_.geometry,
-         .rig = frames::rig_of(info_),
-         .rate = info_.rate,
+         .film = info_,
          .resume = flags_.resume,
          .overwrite = flags_.overwrite,
-         .max_error = flags_.max_error,
-         .sequence = info_},
-        quilts ? &layout_ : nullptr);
+         .max_error = flags_.max_error},
+        quilts_ ? &layout_ : nullptr);
   }
 
   /// Converts one frame; returns false at the end of the input.
@@ -560,7 +525,7 @@ class ConvertRun {
     }
     if (!read(range_.begin + n, frame)) return false;
     if (makes_one_picture_) require_end();
-    if (output_->deliver(named, frame.view()) == Delivery::Interrupted) return false;
+    if (!output_->deliver(named, frame.view())) return false;
     ++converted_;
     return true;
   }
@@ -601,7 +566,7 @@ class ConvertRun {
     if (!flags_.json) return;
     print_json({{"input", flags_.input},
                 {"output", written_},
-                {"kind", plan_.result == Result::Quilt ? "views" : "woven"},
+                {"kind", quilts_ ? "views" : "woven"},
                 {"views", shape_.count},
                 {"width", info_.geometry.width},
                 {"height", info_.geometry.height},
@@ -617,7 +582,9 @@ class ConvertRun {
   }
 
   const ConvertFlags& flags_;
-  const ConvertPlan plan_;
+  std::optional<optics::TrimmedRig> rig_;
+  player::Content content_;
+  bool quilts_ = false;  ///< the written frames are quilts, else woven
   std::optional<player::FrameRange> wanted_;
   frames::ViewShape shape_;     ///< shape of the views, if there are any
   frames::QuiltLayout layout_;  ///< layout of the written quilts

@@ -237,9 +237,8 @@ class RenderRun {
     if (adapted_) adapted_->begin(film_);
     if (!film_.render(number, frame, player::interrupted, count)) return false;
     if (adapted_) adapted_->end();
-    if (output_->deliver(number, frame.view()) == Delivery::Interrupted) return false;
-    return !missing_ ||
-           missing_->deliver(number, film_.method().missing_subpixels()->view()) == Delivery::Done;
+    if (!output_->deliver(number, frame.view())) return false;
+    return !missing_ || missing_->deliver(number, film_.method().missing_subpixels()->view());
   }
 
   [[nodiscard]] std::string note() const {

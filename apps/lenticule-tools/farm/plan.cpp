@@ -86,8 +86,6 @@ int threads_or_all(int threads) {
 }
 
 /// Returns the name and version of this program, which a plan states.
-std::string program_version() { return fmt::format("lenticule {}", LENTICULE_VERSION); }
-
 /// Returns digests of everything that the film is made from: scene with textures, camera path,
 /// environment picture, rig.
 std::map<std::string, std::string> digests_of_inputs(const RenderFlags& flags,
@@ -331,7 +329,7 @@ ExitCode farm_plan(const FarmFlags& flags) {
   plan.arguments = flags.arguments;
   plan.begin = range.begin;
   plan.end = range.end;
-  plan.film = sequence_info_of(request);
+  plan.film = request.film;
   plan.inputs = digests_of_inputs(flags.render, renderer);
   plan.output = request.target;
   const auto there = farm::WorkFolder::plan_in(folder);

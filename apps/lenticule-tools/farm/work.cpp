@@ -281,7 +281,7 @@ bool deliver_chunk(const farm::WorkFolder& folder, const farm::ChunkReport& repo
       throw input_error("{}: not the frames of the plan", file.string());
     frames::FrameDecoder decoder = reader.make_decoder();
     for (; next < report.end && decoder.decode(next - report.begin, frame.bytes()); ++next)
-      if (output.deliver(next, frame.view()) == Delivery::Interrupted) return false;
+      if (!output.deliver(next, frame.view())) return false;
     if (next == report.end) return true;
     if (again) break;
   }
@@ -308,12 +308,11 @@ ExitCode farm_feed(const FarmFlags& flags) {
   if (player::parse_source(flags.output).kind != player::SourceKind::Ring)
     throw usage_error("{}: not a ring", flags.output)
         .remedy("for example lenticule farm feed DIR ring:/run/player.sock");
-  OutputRequest request{.target = flags.output, .range = {plan.begin, plan.end}};
-  request.geometry = plan.film.geometry;
-  request.rig = frames::rig_of(plan.film);
-  request.rate = plan.film.rate;
-  request.ring_timeout_seconds = flags.ring_timeout;
-  const std::unique_ptr<FrameOutput> output = open_output(request);
+  const std::unique_ptr<FrameOutput> output =
+      open_output({.target = flags.output,
+                   .range = {plan.begin, plan.end},
+                   .film = plan.film,
+                   .ring_timeout_seconds = flags.ring_timeout});
   frames::WovenFrame frame(plan.film.geometry);
   player::Progress progress("feed", "frames", plan.end - plan.begin);
   uint64_t delivered = 0;
@@ -338,12 +337,10 @@ ExitCode farm_merge(const FarmFlags& flags) {
   const farm::WorkFolder folder(flags.folder);
   const farm::Plan& plan = folder.plan();
   const std::string film = flags.output.empty() ? plan.output : flags.output;
-  OutputRequest request{.target = film, .range = {plan.begin, plan.end}};
-  request.geometry = plan.film.geometry;
-  request.rig = frames::rig_of(plan.film);
-  request.sequence = plan.film;
-  request.overwrite = flags.overwrite;
-  require_replaceable_film(request);
+  require_replaceable_film({.target = film,
+                            .range = {plan.begin, plan.end},
+                            .film = plan.film,
+                            .overwrite = flags.overwrite});
   player::Progress progress("merge", "chunks", plan.chunks());
   farm::MergeOptions options{.partial = flags.partial,
                              .wait = std::chrono::seconds(flags.wait_seconds)};

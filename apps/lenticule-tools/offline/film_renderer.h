@@ -222,13 +222,15 @@ class FilmRenderer {
   /// Returns the request of an output of the frames `range`.
   [[nodiscard]] OutputRequest output_request(const std::string& target,
                                              const player::FrameRange& range) const {
-    return {.target = target,
-            .range = range,
-            .geometry = geometry(),
-            .rig = panel_.trimmed.identity,
-            .rate = rate_,
-            .rig_toml = optics::rig_to_toml(rig()),
-            .made_from = made_from(flags_.scene, flags_.camera)};
+    frames::SequenceInfo film;
+    film.geometry = geometry();
+    film.rate = rate_;
+    film.first_frame = range.begin;
+    frames::state_rig(film, panel_.trimmed.identity);
+    film.rig_toml = optics::rig_to_toml(rig());
+    film.made_from = made_from(flags_.scene, flags_.camera);
+    film.software = program_version();
+    return {.target = target, .range = range, .film = std::move(film)};
   }
 
   /// Counts a rendered frame; `again`: it is rendered only because the next one depends on it.

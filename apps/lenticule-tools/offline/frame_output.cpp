@@ -39,7 +39,7 @@ void require_writable_folder(const fs::path& file) {
 
 class PictureFiles final : public FrameOutput {
  public:
-  explicit PictureFiles(const OutputRequest& request) : geometry_(request.geometry) {
+  explicit PictureFiles(const OutputRequest& request) : geometry_(request.film.geometry) {
     if (frames::FilePattern::looks_like_pattern(request.target)) {
       pattern_.emplace(request.target);
     } else if (request.range.count() > 1) {
@@ -53,17 +53,16 @@ class PictureFiles final : public FrameOutput {
   }
 
   bool has(uint64_t frame) const override {
-    if (!fs::exists(file(frame))) return false;
     try {
       return frames::probe_image(file(frame)) == geometry_;
     } catch (const Error&) {
-      return false;  // not a complete picture: render it again
+      return false;  // no complete picture: render it again
     }
   }
 
-  Delivery deliver(uint64_t frame, const frames::FrameView& pixels) override {
+  bool deliver(uint64_t frame, const frames::FrameView& pixels) override {
     frames::write_woven(pixels, file(frame));
-    return Delivery::Done;
+    return true;
   }
 
  private:
@@ -80,18 +79,18 @@ class RingOutput final : public FrameOutput {
  public:
   explicit RingOutput(const OutputRequest& request)
       : socket_(player::parse_source(request.target).without_prefix()),
-        geometry_(request.geometry),
+        geometry_(request.film.geometry),
         timeout_(request.ring_timeout_seconds) {
     if (socket_.empty())
       throw Error(ErrorKind::Usage, "-o ring: the socket is missing",
                   "for example -o ring:/run/x.sock");
-    hello_.rig_fingerprint = optics::to_text(request.rig);
-    hello_.rate = request.rate;
+    hello_.rig_fingerprint = optics::to_text(frames::rig_of(request.film));
+    hello_.rate = request.film.rate;
     hello_.frame_count = request.range.count();
     connect();
   }
 
-  Delivery deliver(uint64_t frame, const frames::FrameView& pixels) override {
+  bool deliver(uint64_t frame, const frames::FrameView& pixels) override {
     while (!player::interrupted()) {
       // Connects again if the player was restarted meanwhile; it receives this frame first.
       if (!ring_) connect();
@@ -105,12 +104,12 @@ class RingOutput final : public FrameOutput {
         status = ring_->publish();
         if (status == frames::RingStatus::Ok) {
           if (++delivered_ % kFramesPerReturn == 0) return_free_memory();
-          return Delivery::Done;
+          return true;
         }
       }
       if (status == frames::RingStatus::Gone) ring_.reset();
     }
-    return Delivery::Interrupted;
+    return false;
   }
 
   void finish() override {
@@ -148,15 +147,15 @@ class SequenceOutput final : public FrameOutput {
  public:
   explicit SequenceOutput(const OutputRequest& request)
       : first_(request.range.begin),
-        writer_(request.target, sequence_info_of(request),
+        writer_(request.target, request.film,
                 {.resume = request.resume, .max_error = request.max_error}) {}
 
   bool has(uint64_t frame) const override { return frame - first_ < writer_.frame_count(); }
 
-  Delivery deliver(uint64_t frame, const frames::FrameView& pixels) override {
+  bool deliver(uint64_t frame, const frames::FrameView& pixels) override {
     LENTICULE_CHECK(frame - first_ == writer_.frame_count());
     writer_.append(pixels);
-    return Delivery::Done;
+    return true;
   }
 
   void finish() override { writer_.finish(); }
@@ -192,20 +191,18 @@ std::string short_name(const std::string& file) {
 /// Refuses a readable container that was made from other input.
 void require_same_film(const OutputRequest& request, const fs::path& file,
                        const frames::SequenceInfo& there) {
-  const frames::SequenceInfo wanted = request.sequence.value_or(frames::SequenceInfo{});
-  const std::string& made_from = request.sequence ? wanted.made_from : request.made_from;
-  if (there.geometry != request.geometry)
-    refuse(file,
-           fmt::format("frames of {}x{} pixels, not of {}x{}", there.geometry.width,
-                       there.geometry.height, request.geometry.width, request.geometry.height));
+  const frames::SequenceInfo& wanted = request.film;
+  if (there.geometry != wanted.geometry)
+    refuse(file, fmt::format("frames of {}x{} pixels, not of {}x{}", there.geometry.width,
+                             there.geometry.height, wanted.geometry.width, wanted.geometry.height));
   if (there.kind != wanted.kind) refuse(file, "contains another kind of frames");
-  if (optics::match(frames::rig_of(there), request.rig) == optics::RigMatch::Other)
+  if (optics::match(frames::rig_of(there), frames::rig_of(wanted)) == optics::RigMatch::Other)
     refuse(file, fmt::format("made for another rig ({})", there.rig_fingerprint));
   if (there.max_error < wanted.max_error)
     refuse(file, fmt::format("its subpixels are off by at most {}, not by {}", there.max_error,
                              wanted.max_error));
-  if (!there.made_from.empty() && !made_from.empty() && there.made_from != made_from)
-    refuse(file, fmt::format("made from {}, not from {}", there.made_from, made_from));
+  if (!there.made_from.empty() && !wanted.made_from.empty() && there.made_from != wanted.made_from)
+    refuse(file, fmt::format("made from {}, not from {}", there.made_from, wanted.made_from));
 }
 
 }  // namespace
@@ -254,18 +251,7 @@ void require_replaceable_video(const OutputRequest& request) {
     refuse(request.target, "a video does not record its rig and scene");
 }
 
-frames::SequenceInfo sequence_info_of(const OutputRequest& request) {
-  frames::SequenceInfo info = request.sequence.value_or(frames::SequenceInfo{});
-  info.software = fmt::format("lenticule {}", LENTICULE_VERSION);
-  if (request.sequence) return info;
-  info.geometry = request.geometry;
-  info.rate = request.rate;
-  info.first_frame = request.range.begin;
-  frames::state_rig(info, request.rig);
-  info.made_from = request.made_from;
-  info.rig_toml = request.rig_toml;
-  return info;
-}
+std::string program_version() { return fmt::format("lenticule {}", LENTICULE_VERSION); }
 
 std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
   if (player::parse_source(request.target).kind == player::SourceKind::Ring)

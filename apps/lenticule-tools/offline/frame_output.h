@@ -7,30 +7,22 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "frames/frame.h"
-#include "frames/rational.h"
 #include "frames/sequence/sequence_format.h"
-#include "optics/trim.h"
 
 namespace lenticule::tools {
-
-enum class Delivery {
-  Done,
-  Interrupted,  ///< a signal arrived while waiting for a free slot
-};
 
 class FrameOutput {
  public:
   virtual ~FrameOutput() = default;
   /// Returns true if this frame exists already and need not be rendered again.
   [[nodiscard]] virtual bool has(uint64_t /*frame*/) const { return false; }
-  /// Delivers a frame. Throws Error(Failed) for errors such as a full disk, Error(Device) if the
-  /// player is gone permanently.
-  [[nodiscard]] virtual Delivery deliver(uint64_t frame, const frames::FrameView& pixels) = 0;
+  /// Delivers a frame; returns false if a signal arrived while it waited for a free slot. Throws
+  /// Error(Failed) for errors such as a full disk, Error(Device) if the player is gone permanently.
+  [[nodiscard]] virtual bool deliver(uint64_t frame, const frames::FrameView& pixels) = 0;
   /// Completes the output after every frame of the range was delivered.
   virtual void finish() {}
 };
@@ -38,17 +30,11 @@ class FrameOutput {
 struct OutputRequest {
   std::string target;  ///< pattern, file, FILE.lts or ring:SOCKET
   player::FrameRange range;
-  frames::FrameGeometry geometry{};
-  optics::RigIdentity rig{};  ///< empty for frames that are not woven, or without a rig
-  frames::Rate rate{};
+  frames::SequenceInfo film{};  ///< the frames, as a container states them
   double ring_timeout_seconds = 10.0;
-  std::string rig_toml = {};   ///< stored in a container
-  std::string made_from = {};  ///< see frames::SequenceInfo
-  bool resume = false;         ///< continue an existing output; has() will be called
-  bool overwrite = false;      ///< existing files may be replaced
-  int max_error = 0;           ///< see frames::SequenceWriterOptions
-  /// Metadata of a container; made from the members above if none.
-  std::optional<frames::SequenceInfo> sequence = std::nullopt;
+  bool resume = false;     ///< continue an existing output; has() will be called
+  bool overwrite = false;  ///< existing files may be replaced
+  int max_error = 0;       ///< see frames::SequenceWriterOptions
 };
 
 /// Checks, before rendering, that the target can be written, and opens it. A container takes frames
@@ -66,9 +52,9 @@ void say_how_to_resume(const std::string& target);
 inline constexpr const char* kOverwriteHelp =
     "replace existing output, even if it is of another rig or scene";
 
-/// Returns the value of OutputRequest::made_from: the names of the file and of its folder, which
-/// are the same on every machine that has the project, and those of the camera's file if there is
-/// one.
+/// Returns the value of frames::SequenceInfo::made_from: the names of the file and of its folder,
+/// which are the same on every machine that has the project, and those of the camera's file if
+/// there is one.
 [[nodiscard]] std::string made_from(const std::string& input, const std::string& camera = {});
 
 // The functions throw Error(Input) if an existing file is not a result of the same command. With
@@ -86,7 +72,7 @@ void require_replaceable_pictures(const OutputRequest& request,
 /// Refuses any existing video, because it does not state how it was made.
 void require_replaceable_video(const OutputRequest& request);
 
-/// Returns the metadata of the container that an output of the request writes.
-[[nodiscard]] frames::SequenceInfo sequence_info_of(const OutputRequest& request);
+/// Returns the name that films and plans have of this program.
+[[nodiscard]] std::string program_version();
 
 }  // namespace lenticule::tools
