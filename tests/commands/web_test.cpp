@@ -172,6 +172,11 @@ TEST_F(Web, PathsLeadNowhereElse) {
   const std::string pictured = R"({"overlay": [{"picture": ")" + path("secret.png") +
                                R"("}], "items": [{"source": "card"}]})";
   EXPECT_EQ(ask("PUT", "/api/v1/list", pictured).status, 422);
+  const std::string heard = R"("sound": ")" + path("secret.wav") + R"(")";
+  EXPECT_EQ(ask("PUT", "/api/v1/list", "{" + heard + R"(, "items": [{"source": "card"}]})").status,
+            422);
+  EXPECT_EQ(ask("PUT", "/api/v1/list", R"({"items": [{"source": "card", )" + heard + "}]}").status,
+            422);
   EXPECT_EQ(api("GET", "list")["items"], list["items"]);
 }
 

@@ -37,22 +37,30 @@ using ProblemOf =
 class PlayList {
  public:
   /// Returns the text of a playlist file with the keys of `list`: loop, default, items. Throws
-  /// HttpError 422 for a key that a list does not have; the player checks the values.
+  /// HttpError 422 for a key or a value that a list does not have; the player checks the rest.
   [[nodiscard]] static std::string list_toml(const nlohmann::ordered_json& list) {
     if (!list.is_object()) refuse("not an object with items");
     std::string toml = std::string(kHead) + "format = 1\n";
     std::string standby, items;
     for (const auto& [key, value] : list.items()) {
-      if (key == "default") {
+      if (key == "loop" || key == "transition" || key == "transition_seconds" || key == "sound" ||
+          key == "sound_volume") {
+        const bool is_text = key == "transition" || key == "sound";
+        const auto write = key == "loop" ? loops : is_text ? quoted : number;
+        if (!value.is_null()) toml += key + " = " + write(key, value) + "\n";
+      } else if (key == "shuffle") {
+        if (value != false)
+          toml += "shuffle = " + (value == true ? truth(key, value) : number(key, value)) + "\n";
+      } else if (key == "overlay") {
+        if (!value.empty()) toml += "overlay = " + overlays(key, value) + "\n";
+      } else if (key == "default") {
         if (!value.is_null()) standby = "\n[default]\n" + item_toml(value);
       } else if (key == "items") {
         if (!value.is_array() || value.empty() || value.size() > kMaxItems)
           refuse("items: not a list of 1 to 1000 items");
         for (const ordered_json& item : value) items += "\n[[item]]\n" + item_toml(item);
       } else {
-        toml += line_of(key, value,
-                        {"loop", "shuffle", "transition", "transition_seconds", "sound",
-                         "sound_volume", "overlay"});
+        refuse(fmt::format("unknown key '{}'", shortened(escaped(key), 60)));
       }
     }
     if (items.empty()) refuse("items: missing");
@@ -148,7 +156,7 @@ class PlayList {
   using seconds = std::chrono::seconds;
   static constexpr size_t kMaxItems = 1000;
   static constexpr size_t kMaxTextBytes = 4096;
-  static constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz_";  ///< of keys
+
   static constexpr size_t kMaxListBytes = size_t{1} << 20;
   static constexpr size_t kKeptVersions = 20;
   static constexpr std::string_view kHead = "# Written by lenticule-web.\n";
@@ -173,44 +181,84 @@ class PlayList {
     return toml;
   }
 
-  /// Returns any value in one line. The levels bound the depth of lists and tables.
-  static std::string toml_of(const std::string& key, const ordered_json& value, int levels = 3) {
-    if (value.is_number() || value.is_boolean()) return value.dump();
-    if (!value.is_structured()) return quoted(key, value);
-    if (levels == 0 || value.size() > kMaxItems) refuse(key + ": too long a value");
-    std::string toml;
-    for (const auto& [name, part] : value.items()) {
-      if (!toml.empty()) toml += ", ";
-      if (name.find_first_not_of(value.is_array() ? "0123456789" : kLetters) != std::string::npos)
-        refuse(fmt::format("{}: unknown key '{}'", key, shortened(escaped(name), 60)));
-      toml += (value.is_array() ? "" : name + " = ") + toml_of(key, part, levels - 1);
+  static std::string number(const std::string& key, const ordered_json& value) {
+    if (!value.is_number()) refuse(key + ": not a number");
+    return value.dump();
+  }
+
+  static std::string loops(const std::string& key, const ordered_json& value) {
+    return value == "forever" ? "\"forever\"" : number(key, value);
+  }
+
+  static std::string truth(const std::string& key, const ordered_json& value) {
+    if (!value.is_boolean()) refuse(key + ": neither true nor false");
+    return value.dump();
+  }
+  static std::string texts(const std::string& key, const ordered_json& value) {
+    if (!value.is_array() || value.size() > kMaxItems) refuse(key + ": not a list of texts");
+    std::string toml = "[";
+    for (const ordered_json& text : value)
+      toml += (toml.size() > 1 ? ", " : "") + quoted(key, text);
+    return toml + "]";
+  }
+  static std::string overlays(const std::string& key, const ordered_json& value) {
+    if (!value.is_array() || value.size() > kMaxItems) refuse(key + ": not a list of overlays");
+    std::string toml = "[";
+    for (const ordered_json& overlay : value) {
+      if (!overlay.is_object()) refuse(key + ": not a list of objects");
+      toml += toml.size() > 1 ? ", {" : "{";
+      for (const auto& [name, part] : overlay.items()) {
+        if (name.find_first_not_of("abcdefghijklmnopqrstuvwxyz_") != std::string::npos)
+          refuse(fmt::format("{}: unknown key '{}'", key, shortened(escaped(name), 60)));
+        toml += (toml.back() == '{' ? "" : ", ") + name + " = " +
+                (part.is_string() ? quoted(name, part) : number(name, part));
+      }
+      toml += "}";
     }
-    return value.is_array() ? "[" + toml + "]" : "{" + toml + "}";
+    return toml + "]";
   }
-
-  /// Returns the line of a key; empty for a value that states nothing.
-  static std::string line_of(const std::string& key, const ordered_json& value,
-                             const std::set<std::string_view>& known) {
-    if (!known.contains(key)) refuse(fmt::format("unknown key '{}'", shortened(escaped(key), 60)));
-    const bool empty = value.is_null() || (value.is_structured() && value.empty());
-    return empty ? "" : key + " = " + toml_of(key, value) + "\n";
-  }
-
-  static std::string item_toml(const ordered_json& item) {
-    static const std::set<std::string_view> kKeys = {
-        "source",       "fps",      "frames",  "cut",          "fit",
-        "grid",         "stereo",   "depth",   "depth_range",  "depth_distance",
-        "zero_plane",   "from_rig", "sound",   "transition",   "transition_seconds",
-        "duration_s",   "wait_s",   "weight",  "views",        "aspect",
-        "depth_budget", "volume",   "invert",  "invert_depth", "reweave",
-        "loops",        "overlay",  "schedule"};
-    if (text_in(item, "source").empty()) refuse("item: no source");
-    std::string toml;
-    for (const auto& [key, value] : item.items()) toml += line_of(key, value, kKeys);
+  static std::string schedule_toml(const ordered_json& schedule) {
+    if (!schedule.is_object()) refuse("schedule: not an object");
+    std::string toml = "[item.schedule]\n";
+    for (const auto& [key, value] : schedule.items()) {
+      if (key == "days" || key == "dates" || key == "except")
+        toml += key + " = " + texts(key, value) + "\n";
+      else if (key == "from" || key == "to")
+        toml += key + " = " + quoted(key, value) + "\n";
+      else
+        refuse(fmt::format("schedule: unknown key '{}'", shortened(escaped(key), 60)));
+    }
     return toml;
   }
 
-  /// Returns the sources of the list's items and the pictures of its overlays.
+  static std::string item_toml(const ordered_json& item) {
+    if (!item.is_object() || !item.contains("source")) refuse("item: no source");
+    static const std::set<std::string> kTexts = {
+        "source", "fps",         "frames",         "cut",        "fit",      "grid",  "stereo",
+        "depth",  "depth_range", "depth_distance", "zero_plane", "from_rig", "sound", "transition"};
+    static const std::set<std::string> kNumbers = {
+        "duration_s", "wait_s",       "weight", "views",
+        "aspect",     "depth_budget", "volume", "transition_seconds"};
+    static const std::set<std::string> kTruths = {"invert", "invert_depth", "reweave"};
+    std::string toml, schedule;
+    for (const auto& [key, value] : item.items()) {
+      const auto write = kTexts.contains(key)     ? quoted
+                         : kNumbers.contains(key) ? number
+                         : kTruths.contains(key)  ? truth
+                         : key == "loops"         ? loops
+                         : key == "overlay"       ? overlays
+                                                  : nullptr;
+      if (write != nullptr)
+        toml += key + " = " + write(key, value) + "\n";
+      else if (key == "schedule")
+        schedule = schedule_toml(value);
+      else
+        refuse(fmt::format("item: unknown key '{}'", shortened(escaped(key), 60)));
+    }
+    return toml + schedule;
+  }
+
+  /// Returns the sources and sounds of the list's items and the pictures of its overlays.
   static std::vector<std::string> files_of(const ordered_json& list) {
     std::vector<std::string> files;
     const auto add = [&files](const ordered_json& entry, const char* key) {
@@ -219,6 +267,7 @@ class PlayList {
     };
     const auto add_all = [&add](const ordered_json& entry) {
       add(entry, "source");
+      add(entry, "sound");
       if (!entry.is_object() || !entry.contains("overlay")) return;
       for (const ordered_json& overlay : entry["overlay"]) add(overlay, "picture");
     };
@@ -228,11 +277,11 @@ class PlayList {
     return files;
   }
 
-  /// Throws HttpError 422 if a new item or picture of an overlay is neither a file of the media
-  /// folder nor made by the player. Those that the list has already may stay.
+  /// Throws HttpError 422 if a new item, sound or picture of an overlay is neither a file of the
+  /// media folder nor made by the player. Those that the list has already may stay.
   static void require_own_sources(const ordered_json& list, const ordered_json& now,
                                   const std::filesystem::path& media) {
-    std::vector<std::string> known = {"black", "card", "views"};
+    std::vector<std::string> known = {"black", "card", "views", "none"};
     for (std::string& file : files_of(now)) known.push_back(std::move(file));
     for (const std::string& name : files_of(list)) {
       const std::filesystem::path file(name);
