@@ -144,15 +144,29 @@ std::vector<uint8_t> scaled(const frames::TextureImage& from, int width, int hei
   return codes;
 }
 
-void place_picture(const frames::TextureImage& picture, Overlay& overlay) {
-  const int own = picture.height * picture.reduced;  // height of the picture in the file
-  const int height = overlay.spec.height ? pixels(overlay.spec.height, 1.0, overlay.panel) : own;
-  const double width_px = double{1} * picture.width * height / picture.height;
+/// Returns the size on a panel of a picture that has `own` in its file. Throws Error(Input) if the
+/// panel has no room for it.
+frames::FrameGeometry placed_size(const OverlaySpec& spec, const frames::FrameGeometry& own,
+                                  const frames::FrameGeometry& panel) {
+  const int height = spec.height ? pixels(spec.height, 1.0, panel) : own.height;
+  const double width_px = double{1} * own.width * height / own.height;
   const int width = std::max(1, static_cast<int>(std::lround(width_px)));
-  if (width > overlay.panel.width || height > overlay.panel.height)
-    throw input_error("{}: {}x{} pixels, but the panel has {}x{}", overlay.spec.content, width,
-                      height, overlay.panel.width, overlay.panel.height)
+  if (width > panel.width || height > panel.height)
+    throw input_error("{}: {}x{} pixels, but the panel has {}x{}", spec.content, width, height,
+                      panel.width, panel.height)
         .remedy("state a smaller height, for example height = 0.1");
+  return {width, height};
+}
+
+/// FilePicture is a picture that a file holds, perhaps reduced, and its size there.
+struct FilePicture {
+  frames::FrameGeometry own;
+  frames::TextureImage texture;
+};
+
+void place_picture(const FilePicture& file, Overlay& overlay) {
+  const auto [width, height, format] = placed_size(overlay.spec, file.own, overlay.panel);
+  const frames::TextureImage& picture = file.texture;
   const bool is_as_stored =
       picture.width == width && picture.height == height && !picture.codes.empty();
   const std::vector<uint8_t> codes = is_as_stored ? picture.codes : scaled(picture, width, height);
@@ -220,7 +234,7 @@ void begin_text(Overlay& overlay) {
 
 /// `picture` is that of the file, for all panels.
 Overlay made(const OverlaySpec& spec, uint32_t bit, const frames::FrameGeometry& panel, size_t part,
-             const frames::TextureImage& picture) {
+             const FilePicture& picture) {
   Overlay overlay{.spec = spec, .bit = bit, .panel = panel, .part = part};
   if (spec.kind == OverlaySpec::Kind::Picture) {
     place_picture(picture, overlay);
@@ -318,9 +332,13 @@ OverlaySet::OverlaySet(std::span<const OverlaySpec> overlays,
   for (size_t n = 0; n < overlays.size(); ++n) {
     try {
       std::vector<Overlay> drawn;
-      frames::TextureImage picture;
-      if (overlays[n].kind == OverlaySpec::Kind::Picture)
-        picture = frames::read_texture(overlays[n].content);
+      FilePicture picture;
+      if (overlays[n].kind == OverlaySpec::Kind::Picture) {
+        picture.own = frames::probe_picture(overlays[n].content).geometry;
+        for (const frames::FrameGeometry& panel : panels)  // before a large one takes memory
+          (void)placed_size(overlays[n], picture.own, panel);
+        picture.texture = frames::read_texture(overlays[n].content);
+      }
       for (size_t part = 0; part < panels.size(); ++part)
         drawn.push_back(made(overlays[n], 1U << n, panels[part], part, picture));
       std::ranges::move(drawn, std::back_inserter(overlays_));

@@ -54,7 +54,7 @@ class PanelCard {
         best = &mode;
     return best;
   }
-  /// `services` supplies clock and session, platform, and the exit policy for the panel.
+  /// `services` supplies the clock, session and platform, and the exit policy for the panel.
   explicit PanelCard(const display::KmsOptions& services) : services_(services) {}
 
   /// Shows the card on `panel`, unless it is shown there already. Returns false if the panel cannot

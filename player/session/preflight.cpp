@@ -156,7 +156,8 @@ ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan) {
     if (interrupted()) return interrupt_exit_code();
     add(examine(item, list, plan));
   }
-  if (ordered_json row = row_of(list.bed.file, {}); !list.bed.file.empty()) {
+  if (!list.bed.file.empty()) {
+    ordered_json row = row_of(list.bed.file, {});
     add_sound(row, {.sound = list.bed.file}, plan);
     add(row);
   }

@@ -85,7 +85,6 @@ int threads_or_all(int threads) {
   return threads > 0 ? threads : static_cast<int>(std::thread::hardware_concurrency());
 }
 
-/// Returns the name and version of this program, which a plan states.
 /// Returns digests of everything that the film is made from: scene with textures, camera path,
 /// environment picture, rig.
 std::map<std::string, std::string> digests_of_inputs(const RenderFlags& flags,
