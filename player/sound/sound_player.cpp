@@ -82,7 +82,11 @@ struct Decoder {
 struct SoundPlayer::Item {
   Item(SoundPlayer& of, const PlaylistItem& wanted, FoundSound sound,
        std::optional<frames::Rate> rate, uint64_t first, const frames::FrameSource& source)
-      : player(of), item(wanted), found(std::move(sound)), first_frame(first) {
+      : player(of),
+        item(wanted),
+        found(std::move(sound)),
+        first_frame(first),
+        begins_at(begin_of(wanted)) {
     const std::optional<uint64_t> count = source.frame_count();
     if (count != uint64_t{1}) {
       fps = source.rate() ? source.rate() : rate;
@@ -143,6 +147,7 @@ struct SoundPlayer::Item {
   const PlaylistItem item;
   const FoundSound found;
   const uint64_t first_frame = 0;
+  const uint64_t begins_at = 0;     ///< picture of the film with which a range begins
   const uint64_t bed_number = 0;    ///< 0: the sound of an item
   std::optional<frames::Rate> fps;  ///< none: a still picture
   uint64_t frames = 0;              ///< pictures of a round; 0: not known yet
@@ -174,7 +179,7 @@ void SoundPlayer::Item::start_decoder(uint64_t round, uint64_t frame) {
                                         fmt::format("--ring-fd={}", kRingThere),
                                         fmt::format("--stream={}", found.stream.index),
                                         fmt::format("--frames={}", frames),
-                                        fmt::format("--begin={}", begin_of(item)),
+                                        fmt::format("--begin={}", begins_at),
                                         fmt::format("--from={}", frame)};
   if (fps) arguments.push_back("--fps=" + frames::to_string(*fps));
   arguments.insert(arguments.end(), {"--", found.file});
@@ -231,12 +236,19 @@ std::function<void(uint64_t, uint64_t)> SoundPlayer::open(const PlaylistItem& it
 /// Returns the number of a list's bed; 0 for none, and for one that cannot be played.
 uint64_t SoundPlayer::find_bed(const SoundBed& wanted) try {
   if (wanted.file.empty()) return 0;
-  auto found = find_sound({.sound = wanted.file}, options_);
-  const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
   auto known = std::ranges::find(beds_, wanted, &Bed::wanted);
-  if (known == beds_.end()) known = beds_.insert(known, {wanted, std::move(*found)});
+  if (known == beds_.end()) {
+    lock.unlock();  // another process examines the file
+    auto found = find_sound({.sound = wanted.file}, options_);
+    lock.lock();
+    known = beds_.insert(beds_.end(), {wanted, std::move(*found)});
+  }
   const uint64_t number = static_cast<uint64_t>(known - beds_.begin()) + 1;
-  if (!bed_) bed_ = std::make_unique<Item>(*this, *known, number);
+  if (!bed_)
+    bed_ = std::make_unique<Item>(*this, *known, number);
+  else if (bed_->bed_number == number && bed_->slot != nullptr && !bed_->decoder)
+    bed_->start_decoder(0, 0);  // the one before gave up
   return number;
 } catch (const std::exception& error) {
   complain(fmt::format("{}; played without the sound of the list", error.what()));

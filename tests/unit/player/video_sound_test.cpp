@@ -424,7 +424,7 @@ TEST_F(FilmSound, AStillPicturesSoundRepeatsByItself) {
 }
 
 TEST_F(FilmSound, TheBedOfAListGoesOnUnderItsItemsAndJoinsItself) {
-  // Two seconds whose samples rise, at the ring's rate: every join is seen.
+  // A second whose samples rise, at the ring's rate: every join is seen.
   ffmpeg("-f lavfi -i \"aevalsrc='0.4*t':s=48000:d=1.01\" -c:a flac -sample_fmt s16 bed.flac");
   write_film("film.mkv", "-c:a flac");
   start();
