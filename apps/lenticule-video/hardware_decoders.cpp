@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lenticule-video/hardware_decoders.h"
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <linux/videodev2.h>
 #include <sys/stat.h>
 
 #include <algorithm>
 #include <array>
-#include <filesystem>
 #include <optional>
-#include <string>
 #include <utility>
-#include <vector>
 
+#include "base/owned.h"
 #include "base/unique_fd.h"
 #include "frames/capture/v4l2_device.h"
 
@@ -22,12 +21,25 @@ namespace {
 using frames::capture::LinuxDevice;
 using frames::capture::v4l2_call;
 
+constexpr size_t kMostNodes = 64;
 constexpr uint32_t kMostFormats = 64;
 constexpr uint32_t kMostSizes = 256;
 
 constexpr std::array<uint32_t, 6> kCoded = {V4L2_PIX_FMT_H264,  V4L2_PIX_FMT_HEVC,
                                             V4L2_PIX_FMT_VP8,   V4L2_PIX_FMT_VP9,
                                             V4L2_PIX_FMT_MPEG4, V4L2_PIX_FMT_MPEG2};
+
+std::vector<int> video_nodes() {
+  std::vector<int> numbers;
+  const Owned<DIR, ::closedir> folder(::opendir("/dev"));
+  if (!folder) return numbers;
+  while (const dirent* const entry = ::readdir(folder.get()))
+    if (const int number = frames::capture::node_number(entry->d_name); number >= 0)
+      numbers.push_back(number);
+  std::ranges::sort(numbers);
+  if (numbers.size() > kMostNodes) numbers.resize(kMostNodes);
+  return numbers;
+}
 
 /// Returns the type of the queue that takes packets; none if the device is not from memory to
 /// memory.
@@ -87,8 +99,8 @@ std::vector<CodedFormat> formats_of(const std::string& node) {
 
 std::vector<HardwareDecoder> find_hardware_decoders() {
   std::vector<HardwareDecoder> found;
-  for (const std::filesystem::path& path : frames::capture::video_nodes()) {
-    std::string node = path.string();
+  for (const int number : video_nodes()) {
+    std::string node = "/dev/video" + std::to_string(number);
     std::vector<CodedFormat> formats = formats_of(node);
     if (!formats.empty()) found.push_back({std::move(node), std::move(formats)});
   }
