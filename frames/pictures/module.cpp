@@ -245,7 +245,7 @@ MisnamedFile unknown_kind(std::string_view text, const std::string& extension) {
   if (text.starts_with("\x89LTS") || text.starts_with("\x1A\x45\xDF\xA3") ||
       text.starts_with("GIF8") || text.substr(std::min<size_t>(4, text.size()), 4) == "ftyp")
     return {"a film, not a picture",
-            "take one out of it: lenticule convert FILM --frames 0 -o FRAME.png"};
+            "take one out of it: lenticule convert FILM --frames 0 --grid 1x1 -o FRAME.png"};
   if (text.starts_with("glTF") || std::ranges::find(kModels, extension) != kModels.end())
     return {"a model, not a picture", "make one of it: lenticule render MODEL -o FRAME.png"};
   return {"not a picture of a known format", kPictureRemedy};

@@ -277,7 +277,8 @@ OverlaySpec parse_overlay(const nlohmann::json& keys) {
       const auto place =
           std::ranges::find(kPlaces, value.is_string() ? value.get<std::string>() : "");
       if (place == kPlaces.end())
-        refuse(key, "no such place", fmt::format("one of {}", fmt::join(kPlaces, ", ")));
+        refuse(key, fmt::format("no such place: {}", value.dump().substr(0, 64)),
+               fmt::format("one of {}", fmt::join(kPlaces, ", ")));
       spec.place = static_cast<size_t>(place - kPlaces.begin());
     } else if (key == "height") {
       spec.height = number(key, value, 1.0);
@@ -289,7 +290,7 @@ OverlaySpec parse_overlay(const nlohmann::json& keys) {
     }
   }
   if (kind.empty())
-    refuse("overlay", "nothing to show", "state a picture, a text, a clock or a code");
+    refuse("content", "nothing to show", "state a picture, a text, a clock or a code");
   if (kind == "text" || kind == "clock") check_letters(kind, spec.content);
   if (kind == "clock") check_clock(spec.content);
   return spec;

@@ -101,9 +101,8 @@ ordered_json examine(const PlaylistItem& item, const Playlist& list, const PlayP
       row["problems"].push_back(with_remedy(error));
     }
     add_sound(row, item, plan);
-    if (row.contains("sound"))
-      row["sound"]["film_s"] =
-          static_cast<double>(opened.source->frame_count().value_or(0)) / rate.hertz();
+    if (const auto count = opened.source->frame_count(); count && row.contains("sound"))
+      row["sound"]["film_s"] = static_cast<double>(*count) / rate.hertz();
     const frames::FrameDamage damage = opened.source->damage();
     row.update(to_json(damage));
     if (damage.any()) row["problems"].push_back(damage_text(damage));
