@@ -748,10 +748,9 @@ cli::Run declare_bench_calibrate(CLI::App& app) {
       ->needs(hand);
   app.add_option("--plot", flags->plot, "SVG file: error against number of photographs")
       ->needs(hand);
-  app.add_flag(
-         "--wrong-ways", flags->wrong_ways,
-         "take photographs with each of two dozen mistakes, such as a cropped file: three, or "
-         "the one number of --photographs, 2 or more")
+  app.add_flag("--wrong-ways", flags->wrong_ways,
+               "take photographs with each of 30 mistakes, such as a cropped file: three, or "
+               "the one number of --photographs, 2 or more")
       ->needs(hand);
   app.add_flag(
          "--sweep", flags->sweep,
