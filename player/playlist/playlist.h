@@ -102,7 +102,7 @@ struct PlaylistItem {
   std::string fit{};                    ///< as --fit; empty: that of the command
   std::string sound{};                  ///< file of the item's sound, "none", or empty: as found
   double volume_db = 0.0;               ///< volume of its sound
-  SoundBed bed{};                       ///< that of the list
+  SoundBed bed{};                       ///< the sound bed of its list
   std::vector<OverlaySpec> overlays{};  ///< those of the list first
   size_t overlays_of_list = 0;
   PlayState shown{};  ///< state that a test card shows; unused by other items
@@ -129,7 +129,7 @@ struct Playlist {
   std::optional<uint64_t> shuffle{};  ///< plays each round in another order, which this seed gives
   TransitionKind transition = TransitionKind::Cut;  ///< default of the items
   double transition_s = 0.5;
-  SoundBed bed{};  ///< each item has a copy of it, and of the overlays
+  SoundBed bed{};  ///< its items have copies of the bed and of the overlays
   std::vector<OverlaySpec> overlays{};
   /// The file's state when it was read; none if the list is not from a file.
   std::optional<FileMark> file{};

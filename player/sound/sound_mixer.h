@@ -10,9 +10,9 @@
 // item, it jumps, with fades of 10 ms. A round of a film joins the next one in the ring.
 //
 // The sound bed of a list has no place in a picture: its samples follow each other as the decoder
-// wrote them, by the device's clock. It is added to the sound of the items, and heard while the
-// displayed item lies on it and has no sound of its own at that time. Otherwise it fades out,
-// stands, and goes on with its next sample.
+// wrote them, by the device's clock. The mixer adds it to the sound of the items. It is heard while
+// the displayed item is of its list and has no sound of its own at that time. Otherwise it fades
+// out and stops; later it goes on with its next sample.
 #pragma once
 
 #include <algorithm>
@@ -145,11 +145,11 @@ class SoundMixer {
   [[nodiscard]] std::array<SoundSlot, 16>& slots() noexcept { return slots_; }
   /// Returns the place of a bed's samples.
   [[nodiscard]] SoundSlot& bed_slot() noexcept { return bed_slot_; }
-  /// Lays an item on the bed of this number; 0: on none.
-  void lay(uint64_t item, uint64_t bed) noexcept {
+  /// Gives an item the bed of this number; 0: none.
+  void set_bed(uint64_t item, uint64_t bed) noexcept {
     beds_[item % beds_.size()].store(item << 32 | bed);
   }
-  /// Returns the number of the bed on which an item lies; 0: none.
+  /// Returns the number of an item's bed; 0: none.
   [[nodiscard]] uint64_t bed_of(uint64_t item) const noexcept {
     const uint64_t laid = beds_[item % beds_.size()].load();
     return laid >> 32 == item ? laid & 0xffffffff : 0;
@@ -235,6 +235,7 @@ class SoundMixer {
       bed_at_ = bed_level_ = 0.0F;
     return bed;
   }
+  /// Determines whether the bed should be heard at the time `heard`, when `due` is the item's own.
   [[nodiscard]] bool is_due(const ItemSamples* bed, const SoundAnchor& anchor, const Place& due,
                             Nanoseconds heard) const noexcept {
     return bed != nullptr && anchor.due_ns != 0 && anchor.held == 0 && !due.due &&

@@ -53,8 +53,8 @@ std::string file_beside(const SourceSpec& source) {
   return {};
 }
 
-/// Returns the picture of the film with which an item begins. A range has the numbers of the files,
-/// or of the rendering, and time 0 of the sound is the first picture.
+/// Returns how many pictures of the film lie before the item's range. The range counts as the files
+/// or the rendering do; the sound begins with the first picture.
 uint64_t begin_of(const PlaylistItem& item) try {
   if (!item.frames) return 0;
   const SourceSpec& source = item.source;
@@ -228,7 +228,7 @@ std::function<void(uint64_t, uint64_t)> SoundPlayer::open(const PlaylistItem& it
   const uint64_t bed = find_bed(item.bed);
   if (!own && bed == 0) return nullptr;
   return [self = shared_from_this(), own, bed](uint64_t number, uint64_t rounds) {
-    self->mixer_.lay(number, bed);
+    self->mixer_.set_bed(number, bed);
     if (own) own->begin(number, rounds);
   };
 }

@@ -132,7 +132,7 @@ class Sound : public testing::Test {
                           : click(item, place);
     };
     mixer.bed_slot().samples.store(&made);
-    for (const uint64_t item : laid) mixer.lay(item, 1);
+    for (const uint64_t item : laid) mixer.set_bed(item, 1);
   }
   [[nodiscard]] float bed_sample(uint64_t place) const { return film(kBed, place); }
   /// Returns the largest sample that is heard in a part of the recording, in seconds of the film.
